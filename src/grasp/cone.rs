@@ -94,7 +94,8 @@ pub struct Response {
 }
 
 impl Response {
-    fn open() -> Self {
+    /// No force.
+    pub fn open() -> Self {
         Response {
             cost: 0.0,
             force: [0.0; MAX_ROWS],

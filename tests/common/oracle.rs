@@ -10,12 +10,12 @@ use nalgebra::{DMatrix, DVector};
 pub fn conic(p: &DMatrix<f64>, q: &DVector<f64>, a: &DMatrix<f64>, b: &DVector<f64>, cones: &[SupportedConeT<f64>]) -> DVector<f64> {
     let settings = DefaultSettings {
         verbose: false,
-        tol_gap_abs: 1e-14,
-        tol_gap_rel: 1e-14,
-        tol_feas: 1e-14,
-        reduced_tol_gap_abs: 1e-9,
-        reduced_tol_gap_rel: 1e-9,
-        reduced_tol_feas: 1e-9,
+        tol_gap_abs: 1e-11,
+        tol_gap_rel: 1e-11,
+        tol_feas: 1e-10,
+        reduced_tol_gap_abs: 1e-7,
+        reduced_tol_gap_rel: 1e-7,
+        reduced_tol_feas: 1e-7,
         max_iter: 200,
         ..DefaultSettings::default()
     };
