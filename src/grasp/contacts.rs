@@ -1,6 +1,5 @@
 //! The contacts between hand and target, read from the engine's collision stage.
 
-use super::quality::Gram;
 use super::softness::ContactParameters;
 use super::topology::Topology;
 use super::wrench::ContactForce;
@@ -21,6 +20,8 @@ pub struct GraspContact {
     pub target: usize,
     /// The two geoms, in the engine's order.
     pub geoms: (usize, usize),
+    /// True if the target is the engine's first body of this contact.
+    pub target_first: bool,
     /// Index in the engine's contact list of this step.
     pub index: usize,
     /// Finger that the link belongs to; `None` for the palm.
@@ -49,6 +50,16 @@ impl GraspContact {
     /// Normal force [N], never negative.
     pub fn normal_force(&self) -> f64 {
         self.force_rows[0]
+    }
+
+    /// Rows' forces from the world force and torque.
+    fn set_force(&mut self, force: Vector3<f64>, torque: Vector3<f64>) {
+        for (i, axis) in self.axes.iter().enumerate() {
+            self.force_rows[i] = axis.dot(&force);
+            self.force_rows[i + 3] = axis.dot(&torque);
+        }
+        self.force = force;
+        self.torque = torque;
     }
 
     /// World force and torque from the rows' forces.
@@ -97,6 +108,7 @@ impl GraspContact {
             link: link_id.index(),
             target,
             geoms: (contact.geoms[0].index(), contact.geoms[1].index()),
+            target_first: sign < 0.0,
             index,
             finger: topology.finger(link_id.index()),
             position: contact.position,
@@ -157,12 +169,13 @@ impl ContactSet {
     }
 
     /// Reads the forces that the engine's own solve gave these contacts.
-    pub fn read_forces(&mut self, sim: &Simulation) {
+    pub fn read_forces(&mut self, sim: &Simulation) -> Result<(), crate::mujoco::Error> {
         for contact in &mut self.now {
-            let rows = sim.contact_force_rows(contact.index);
-            contact.force_rows = rows;
-            contact.update_force();
+            let on_body2 = sim.contact_force(contact.index)?;
+            let sign = if contact.target_first { -1.0 } else { 1.0 };
+            contact.set_force(on_body2.force * sign, on_body2.torque * sign);
         }
+        Ok(())
     }
 
     /// Relative velocities at the contact points, from the bodies' velocities of this step.

@@ -7,8 +7,10 @@ use super::quality::{self, Gram};
 use super::rows::{Dynamics, RowBuilder};
 use super::softness::{ConeKind, SolverOptions};
 use super::solve::{GraspSolver, SolveStatus};
+use super::wrench::ContactForce;
+use super::step::GraspForce;
 use super::topology::{Topology, Tree, is_ancestor, lowest_common_ancestor};
-use crate::mujoco::{BodyId, Simulation};
+use crate::mujoco::{BodyId, Cone, DISABLE_REFSAFE, Id, Integrator, Simulation};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// What stands for the contacts while the grasp is latched.
@@ -85,7 +87,8 @@ pub struct Grasp {
     gram: Gram,
     solver: GraspSolver,
     status: SolveStatus,
-    force: Vec<f64>,
+    live: Vec<ContactForce>,
+    force: GraspForce,
 }
 
 impl Grasp {
@@ -96,16 +99,16 @@ impl Grasp {
     /// are not positive and ordered, or an integrator whose step cannot be taken apart (RK4).
     pub fn new(sim: &Simulation, spec: &GraspSpec) -> Result<Grasp, Error> {
         let model = sim.model();
-        let name = |body: BodyId| model.body_label(body);
+        let name = |body: BodyId| model.label(body);
         let parents = model.body_parentid();
-        if model.integrator() == crate::mujoco::INTEGRATOR_RK4 {
+        if model.integrator() == Integrator::Rk4 {
             return Err(Error::Integrator);
         }
         let effectors: Vec<usize> = spec.effectors.iter().map(|b| b.index()).collect();
         let palm = match spec.palm {
             Some(palm) => palm,
             None if effectors.is_empty() => return Err(Error::NoHand),
-            None => model.body_at(palm_of(parents, &effectors))?,
+            None => BodyId::from_index(palm_of(parents, &effectors)),
         };
         if let Some(&e) = spec.effectors.iter().find(|e| is_ancestor(parents, spec.target.index(), e.index())) {
             return Err(Error::EffectorIsTarget(name(e)));
@@ -138,8 +141,7 @@ impl Grasp {
         if links.is_empty() {
             return Err(Error::NoEffectors(name(palm)));
         }
-        let gravity = Vector3::from_column_slice(&model.gravity());
-        let weight = model.body_subtreemass()[spec.target.index()] * gravity.norm();
+        let weight = model.body_subtreemass()[spec.target.index()] * model.gravity().norm();
         let (latch_quality, release_quality) = thresholds(spec, weight)?;
         let mut is_link = vec![false; parents.len()];
         for link in &links {
@@ -158,10 +160,11 @@ impl Grasp {
             machine: PhaseMachine::new(spec.latch_time),
             topology,
             set: ContactSet::default(),
-            gram: Gram::default(),
+            gram: Gram::new(Vector3::zeros(), 0.0),
             solver: GraspSolver::default(),
             status: SolveStatus::default(),
-            force: vec![0.0; model.nv()],
+            live: Vec::new(),
+            force: GraspForce::default(),
         })
     }
 
@@ -232,19 +235,24 @@ impl Grasp {
     }
 
     /// After a step of the engine's own solve: reads contacts and forces, and counts good time without latching.
-    pub fn monitor(&mut self, sim: &Simulation) {
-        self.read_engine_contacts(sim);
+    ///
+    /// # Errors
+    /// What the engine reports.
+    pub fn monitor(&mut self, sim: &Simulation) -> Result<(), Error> {
+        self.read_engine_contacts(sim)?;
         let now = self.observation(sim);
         self.machine.count(now);
+        Ok(())
     }
 
     /// After an ungrasped step: reads contacts and forces, and latches when they are good.
-    pub(super) fn observe_ungrasped(&mut self, sim: &Simulation) {
-        self.read_engine_contacts(sim);
+    pub(super) fn observe_ungrasped(&mut self, sim: &Simulation) -> Result<(), Error> {
+        self.read_engine_contacts(sim)?;
         let now = self.observation(sim);
         if self.machine.observe(now) == Phase::Grasped {
             self.solver.reset();
         }
+        Ok(())
     }
 
     /// After a grasped step: releases when the quality is no longer sufficient.
@@ -261,15 +269,28 @@ impl Grasp {
         self.set.read_slip(sim);
     }
 
-    fn read_engine_contacts(&mut self, sim: &Simulation) {
+    /// Lends the buffer of the generalised force, zeroed.
+    pub(super) fn borrow_force(&mut self, nv: usize) -> GraspForce {
+        std::mem::take(&mut self.force).cleared(nv)
+    }
+
+    /// Takes the buffer back.
+    pub(super) fn return_force(&mut self, force: GraspForce) {
+        self.force = force;
+    }
+
+    fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {
         self.set.read(sim, &self.topology);
-        self.set.read_forces(sim);
+        self.set.read_forces(sim)?;
         self.measure(sim);
+        Ok(())
     }
 
     fn measure(&mut self, sim: &Simulation) {
         let com = sim.body_com(self.target);
-        self.gram = Gram::of(&com, self.set.contacts().iter().filter(|c| self.is_link[c.link]).map(|c| c.contact_force()));
+        self.live.clear();
+        self.live.extend(self.set.contacts().iter().filter(|c| self.is_link[c.link]).map(|c| c.contact_force()));
+        self.gram = Gram::of(&self.live, &com);
     }
 
     fn observation(&self, sim: &Simulation) -> Observation {
@@ -306,9 +327,9 @@ impl Grasp {
         };
         let options = SolverOptions {
             timestep: model.timestep(),
-            refsafe: model.disable_flags() & crate::mujoco::DISABLE_REFSAFE == 0,
+            refsafe: model.disable_flags() & DISABLE_REFSAFE == 0,
             impratio: model.impratio(),
-            cone: if model.is_elliptic() { ConeKind::Elliptic } else { ConeKind::Pyramidal },
+            cone: if model.cone() == Cone::Elliptic { ConeKind::Elliptic } else { ConeKind::Pyramidal },
         };
         self.status = self.solver.solve(&dynamics, &self.topology, &options, self.set.contacts_mut());
         for c in self.set.contacts() {

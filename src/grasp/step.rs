@@ -4,9 +4,10 @@
 //! the smooth accelerations are known, and its forces take part in the engine's solve of everything else.
 
 use super::controller::{Grasp, Limits};
+use super::dense;
 use super::error::Error;
 use super::phase::Phase;
-use crate::mujoco::Simulation;
+use crate::mujoco::{ENABLE_ENERGY, Simulation};
 use std::time::{Duration, Instant};
 
 /// A stopwatch over the parts of a step that exist because of contacts or grasps.
@@ -81,7 +82,7 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
     sim.transmission()?;
     clock.contact(|| sim.project_constraint())?;
     sim.sensor_pos()?;
-    let energy = sim.model().enables_energy();
+    let energy = sim.model().enable_flags() & ENABLE_ENERGY != 0;
     if energy {
         sim.energy_pos()?;
     }
@@ -95,14 +96,15 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
     clock.contact(|| solve(sim, grasps))?;
     sim.sensor_acc()?;
     sim.check_acc()?;
-    clock.contact(|| {
+    clock.contact(|| -> Result<(), Error> {
         for grasp in grasps.iter_mut() {
             match grasp.phase() {
                 Phase::Grasped => grasp.observe_grasped(sim),
-                Phase::Ungrasped => grasp.observe_ungrasped(sim),
+                Phase::Ungrasped => grasp.observe_ungrasped(sim)?,
             }
         }
-    });
+        Ok(())
+    })?;
     sim.integrate()?;
     Ok(())
 }
@@ -113,15 +115,52 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     let Some(first) = grasps.iter().position(|g| g.phase() == Phase::Grasped) else {
         return Ok(sim.constraint()?);
     };
-    let mut force = grasps[first].take_force_buffer();
-    force.fill(0.0);
+    let mut force = grasps[first].borrow_force(sim.model().nv());
     for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
         match grasp.limits() {
-            Limits::Cones => grasp.solve_cones(sim, &mut force)?,
+            Limits::Cones => grasp.solve_cones(sim, &mut force.generalised)?,
             Limits::Box | Limits::Rigid => {}
         }
     }
-    sim.constraint_with(&mut force)?;
-    grasps[first].put_force_buffer(force);
+    force.apply(sim)?;
+    sim.constraint()?;
+    force.count_as_constraint(sim);
+    grasps[first].return_force(force);
     Ok(())
+}
+
+/// The generalised force of all latched grasps, and what it replaces for the time of the engine's solve.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GraspForce {
+    generalised: Vec<f64>,
+    acceleration: Vec<f64>,
+    smooth_force: Vec<f64>,
+    smooth_acceleration: Vec<f64>,
+}
+
+impl GraspForce {
+    /// Zero, of `nv` entries; the memory is kept.
+    pub(super) fn cleared(mut self, nv: usize) -> Self {
+        self.generalised.clear();
+        self.generalised.resize(nv, 0.0);
+        self
+    }
+
+    fn apply(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        self.acceleration.clone_from(&self.generalised);
+        sim.solve_mass(&mut self.acceleration)?;
+        self.smooth_force.clear();
+        self.smooth_force.extend_from_slice(sim.qfrc_smooth());
+        self.smooth_acceleration.clear();
+        self.smooth_acceleration.extend_from_slice(sim.qacc_smooth());
+        dense::axpy(1.0, &self.generalised, sim.qfrc_smooth_mut());
+        dense::axpy(1.0, &self.acceleration, sim.qacc_smooth_mut());
+        Ok(())
+    }
+
+    fn count_as_constraint(&self, sim: &mut Simulation) {
+        sim.qfrc_smooth_mut().copy_from_slice(&self.smooth_force);
+        sim.qacc_smooth_mut().copy_from_slice(&self.smooth_acceleration);
+        dense::axpy(1.0, &self.generalised, sim.qfrc_constraint_mut());
+    }
 }
