@@ -67,27 +67,21 @@ impl Camera {
             geoms.iter().map(|g| g.0).sum::<Vector3<f64>>() / geoms.len().max(1) as f64
         };
         let all = [hand.as_slice(), object.as_slice()].concat();
-        let centre = middle(&all);
-        let radius = all
-            .iter()
-            .map(|(p, r)| (p - centre).norm() + r)
-            .fold(0.0, f64::max);
-        if radius <= 0.0 {
+        if all.is_empty() {
             let (palm, target) = (model.label(palm), model.label(target));
             return Err(Error::Rendering(format!(
                 "neither {palm} nor {target} has a geom to look at"
             )));
         }
-        // The half angle of the picture's height is half of fovy; a little is left free around the hand.
-        let fovy = sim.model_fields().vis.global.fovy;
-        let half = (0.5 * f64::from(fovy)).to_radians().clamp(0.05, 1.5);
         let from_palm = middle(&object) - middle(&hand);
-        let toward = line_of_sight(from_palm, centre - robot_centre(sim, palm));
+        let forward = line_of_sight(from_palm, middle(&all) - robot_centre(sim, palm));
+        let fovy = f64::from(sim.model_fields().vis.global.fovy);
+        let (lookat, distance) = fit(&all, forward, fovy.to_radians().clamp(0.05, 3.0));
         Ok(Self::Free {
-            lookat: centre,
-            distance: 1.05 * radius / half.sin(),
-            azimuth_deg: toward.y.atan2(toward.x).to_degrees(),
-            elevation_deg: toward.z.clamp(-1.0, 1.0).asin().to_degrees(),
+            lookat,
+            distance,
+            azimuth_deg: forward.y.atan2(forward.x).to_degrees(),
+            elevation_deg: forward.z.clamp(-1.0, 1.0).asin().to_degrees(),
         })
     }
 
@@ -139,6 +133,38 @@ fn line_of_sight(hand_axis: Vector3<f64>, outward: Vector3<f64>) -> Vector3<f64>
     let away = horizontal(0.8 * side + 0.6 * open).unwrap_or(side);
     let (sin, cos) = 25f64.to_radians().sin_cos();
     -(cos * away + sin * Vector3::z())
+}
+
+/// The point to look at and the least distance from it from which all spheres are within the angle `fovy` \[rad\], up and
+/// down and to both sides.
+fn fit(spheres: &[(Vector3<f64>, f64)], forward: Vector3<f64>, fovy: f64) -> (Vector3<f64>, f64) {
+    let right = forward
+        .cross(&Vector3::z())
+        .try_normalize(1e-9)
+        .unwrap_or_else(Vector3::y);
+    let up = right.cross(&forward);
+    let middle = |axis: &Vector3<f64>| {
+        let low = spheres
+            .iter()
+            .map(|(p, r)| p.dot(axis) - r)
+            .fold(f64::INFINITY, f64::min);
+        let high = spheres
+            .iter()
+            .map(|(p, r)| p.dot(axis) + r)
+            .fold(f64::NEG_INFINITY, f64::max);
+        0.5 * (low + high) * axis
+    };
+    let lookat = middle(&right) + middle(&up) + middle(&forward);
+    let (sin, cos) = (0.5 * fovy).sin_cos();
+    // A sphere touches the picture's edge when its centre is r off the plane of that edge through the camera.
+    let least = |(p, r): &(Vector3<f64>, f64)| {
+        let offset = p - lookat;
+        let across = offset.dot(&right).abs().max(offset.dot(&up).abs());
+        (across * cos + r) / sin - offset.dot(&forward)
+    };
+    let distance = spheres.iter().map(least).fold(0.0, f64::max);
+    // A little is left free around them.
+    (lookat, 1.03 * distance)
 }
 
 /// Positions and bounding radii of the visible geoms of some bodies.

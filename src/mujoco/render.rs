@@ -31,6 +31,20 @@ pub struct Drawing {
 ///
 /// OpenGL contexts belong to a thread, so a renderer stays on the one that made it; others make their own. Pictures
 /// have shadows and fourfold antialiasing. A scene without lights is dark: that is the model's business.
+///
+/// ```
+/// use mujoco_grasp::mujoco::{Camera, Model, Renderer, Simulation};
+/// let model = Model::from_xml_string(
+///     r#"<mujoco><worldbody><geom type="sphere" size="0.1" rgba="1 0 0 1"/></worldbody></mujoco>"#,
+/// )?;
+/// let mut sim = Simulation::new(&model)?;
+/// sim.forward()?;
+/// let mut renderer = Renderer::new(sim.model(), 64, 48)?;
+/// let picture = renderer.render(&sim, Camera::around([0.0; 3].into(), 0.5, 90.0, -20.0))?;
+/// let [red, green, blue] = picture.get_pixel(32, 24).0;
+/// assert!(red > 2 * green && red > 2 * blue);
+/// # Ok::<(), mujoco_grasp::mujoco::Error>(())
+/// ```
 pub struct Renderer {
     // Freed in `drop`, while `context` still lives.
     engine: ffi::mjrContext,
