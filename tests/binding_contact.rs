@@ -58,3 +58,78 @@ fn the_frame_is_a_rotation_and_the_point_lies_between_the_surfaces() {
     );
     assert_eq!(contact.friction[0], 1.0);
 }
+
+#[test]
+fn an_excluded_contact_does_not_push() {
+    let mut sim = settled(Cone::Pyramidal);
+    let dof = 2;
+    sim.kinematics().unwrap();
+    sim.inertia().unwrap();
+    sim.collision().unwrap();
+    sim.exclude_contact(0).unwrap();
+    sim.make_constraint().unwrap();
+    assert_eq!(sim.nefc(), 0);
+    let contact = sim.contact(0).unwrap();
+    assert!(contact.excluded && contact.efc_address.is_none());
+    sim.project_constraint().unwrap();
+    sim.velocity().unwrap();
+    sim.acceleration().unwrap();
+    sim.constraint().unwrap();
+    assert!((sim.qacc()[dof] + 9.81).abs() < 1e-9, "it falls freely");
+    assert_eq!(sim.contact_force(0).unwrap().force, Vector3::zeros());
+    // The next collision detection finds it again.
+    sim.forward().unwrap();
+    assert!(!sim.contact(0).unwrap().excluded && sim.qacc()[dof].abs() < 1e-6);
+}
+
+/// On a slope of 30 degrees a ball with enough friction rolls: friction force m g sin(a) 2/7, normal force m g cos(a).
+#[test]
+fn friction_of_a_rolling_ball_points_up_the_slope() {
+    let slope = 30_f64.to_radians();
+    for cone in [Cone::Pyramidal, Cone::Elliptic] {
+        let xml = format!(
+            r#"<mujoco><option gravity="{} 0 {}"/><worldbody><geom type="plane" size="9 9 1"/>
+            <body name="ball" pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="2"/></body></worldbody></mujoco>"#,
+            9.81 * slope.sin(),
+            -9.81 * slope.cos()
+        );
+        let mut sim = Simulation::new(&Model::from_xml_string(&xml).unwrap()).unwrap();
+        sim.set_cone(cone).unwrap();
+        for _ in 0..300 {
+            sim.step().unwrap();
+        }
+        let force = sim.contact_force(0).unwrap().force;
+        let expected = Vector3::new(-slope.sin() * 2.0 / 7.0, 0.0, slope.cos()) * 2.0 * 9.81;
+        assert!(
+            (force - expected).norm() < 0.02 * expected.norm(),
+            "{cone:?}: {force} {expected}"
+        );
+    }
+}
+
+/// With condim 4 a ball spinning on the floor is braked by a torque about the normal, against the spin.
+#[test]
+fn the_torque_of_a_spinning_ball_is_against_the_spin() {
+    let xml = BALL.replace(
+        "size=\"1 1 1\"",
+        "size=\"1 1 1\" condim=\"4\" friction=\"1 0.02 0\"",
+    );
+    for cone in [Cone::Pyramidal, Cone::Elliptic] {
+        let mut sim = Simulation::new(&Model::from_xml_string(&xml).unwrap()).unwrap();
+        sim.set_cone(cone).unwrap();
+        for _ in 0..500 {
+            sim.step().unwrap();
+        }
+        sim.qvel_mut()[5] = 50.0;
+        sim.step().unwrap();
+        let on_ball = sim.contact_force(0).unwrap();
+        // It spins fast, so friction is at its limit: 0.02 m times the normal force (most of it in a pyramid, which
+        // shares the normal force between its edges).
+        let (torque, limit) = (on_ball.torque, 0.02 * on_ball.force.z);
+        assert!(
+            torque.z < -0.5 * limit && torque.z > -1.001 * limit,
+            "{cone:?}: {torque} {limit}"
+        );
+        assert!(torque.x.abs() + torque.y.abs() < 1e-9);
+    }
+}

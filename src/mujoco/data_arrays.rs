@@ -185,7 +185,8 @@ impl Simulation {
         self.data().solver_iter as usize
     }
 
-    /// Potential and kinetic energy, J; computed only with the `energy` flag, or by the energy stages.
+    /// Potential and kinetic energy, J; computed only with the `energy` flag
+    /// ([`set_energy_enabled`](Self::set_energy_enabled)).
     pub fn energy(&self) -> [f64; 2] {
         self.data().energy
     }

@@ -43,7 +43,12 @@ fn fault(call: &'static str, payload: Box<dyn std::any::Any + Send>) -> Error {
     match payload.downcast::<Fault>() {
         Ok(fault) => Error::Engine {
             call,
-            message: fault.0,
+            message: match fault.0.as_str() {
+                "Stack overflow" => {
+                    "Stack overflow: raise nstack in the model's <size> element".into()
+                }
+                _ => fault.0,
+            },
         },
         // Not the engine's: a panic of the closure itself goes on.
         Err(other) => resume_unwind(other),

@@ -64,13 +64,13 @@ impl Simulation {
         reference_constraint = mj_referenceConstraint;
         /// Sensors that depend on positions.
         sensor_pos = mj_sensorPos;
-        /// Potential energy.
+        /// Potential energy; does nothing without the `energy` flag.
         energy_pos = mj_energyPos;
         /// Velocities, passive and bias forces, and the constraint rows' reference acceleration.
         velocity = mj_fwdVelocity;
         /// Sensors that depend on velocities.
         sensor_vel = mj_sensorVel;
-        /// Kinetic energy.
+        /// Kinetic energy; does nothing without the `energy` flag.
         energy_vel = mj_energyVel;
         /// Actuator forces.
         actuation = mj_fwdActuation;
@@ -110,25 +110,30 @@ impl Simulation {
         self.run("mj_implicit", |m, d| unsafe { compat::mj_implicit(m, d) })
     }
 
-    /// The model's integrator: Euler or implicit. RK4 evaluates the forward dynamics four times per step, so it has no
-    /// stage of its own: [`Error::Unsupported`].
+    /// The model's integrator: Euler or implicit. RK4 evaluates the forward dynamics four times per
+    /// step, so it has no stage of its own: [`Error::Unsupported`].
     pub fn integrate(&mut self) -> Result<(), Error> {
+        self.check_staged_integrator()?;
         match self.model().integrator() {
-            Integrator::Euler => self.euler(),
             Integrator::Implicit => self.implicit(),
+            _ => self.euler(),
+        }
+    }
+
+    /// `Ok` if the model's integrator can run in stages.
+    pub fn check_staged_integrator(&self) -> Result<(), Error> {
+        match self.model().integrator() {
+            Integrator::Euler | Integrator::Implicit => Ok(()),
             other => Err(Error::Unsupported(format!(
-                "a step in stages needs integrator Euler or implicit; the model's is {}",
-                if other == Integrator::Rk4 {
-                    "RK4".to_string()
-                } else {
-                    format!("number {}", other.raw())
-                }
+                "a step in stages needs the integrator Euler or implicit; the model's is {other:?}"
             ))),
         }
     }
 
-    /// The checks, and everything up to [`integrate`](Self::integrate), stage by stage in [`step`](Self::step)'s order.
+    /// One time step, stage by stage: the same as [`step`](Self::step) bit for bit. On an error the
+    /// rest of the step is not made.
     pub fn step_in_stages(&mut self) -> Result<(), Error> {
+        self.check_staged_integrator()?;
         let enabled = self.model().enable_flags();
         let energy = enabled & ffi::mjENBL_ENERGY != 0;
         self.check_pos()?;

@@ -65,10 +65,11 @@ impl Vfs {
 
 impl Drop for Vfs {
     fn drop(&mut self) {
-        // SAFETY: frees the file buffers that the engine allocated; then the structure itself, allocated in `new`.
+        // SAFETY: frees the file buffers that the engine allocated, once.
         let _ = guard::call("mj_deleteVFS", || unsafe {
             ffi::mj_deleteVFS(self.ptr.as_ptr())
         });
+        // SAFETY: allocated in `new` with this layout, freed once.
         unsafe { std::alloc::dealloc(self.ptr.as_ptr().cast(), Layout::new::<ffi::mjVFS>()) };
     }
 }
