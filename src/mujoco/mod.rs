@@ -1,3 +1,4 @@
+<<<<<<< HEAD
 //! A safe binding to MuJoCo 2.2.2: the only place in the crate with unsafe code.
 //!
 //! - [`Model`]: loading; everything readable is on [`CompiledModel`].
@@ -55,3 +56,6 @@ pub use warnings::{Warning, WarningKind};
 pub fn mujoco_version() -> String {
     compat::header_version()
 }
+=======
+
+>>>>>>> quality
