@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 //! A safe binding to MuJoCo 2.2.2: the only place in the crate with unsafe code.
 //!
 //! - [`Model`]: loading; everything readable is on [`CompiledModel`].
@@ -56,6 +55,8 @@ pub use warnings::{Warning, WarningKind};
 pub fn mujoco_version() -> String {
     compat::header_version()
 }
-=======
 
->>>>>>> quality
+/// Disable flag: `solref` is used as it is, even if it is too stiff for the time step.
+pub const DISABLE_REFSAFE: u32 = ffi::mjDSBL_REFSAFE;
+/// Enable flag: energies are computed in every step.
+pub const ENABLE_ENERGY: u32 = ffi::mjENBL_ENERGY;

@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 //! Pictures of results: plots of the target's motion, strips of rendered frames, timing tables and scatter plots.
 //!
 //! Nothing here needs a display, a GPU or an installed font: text is drawn with fonts that are part of the program
@@ -30,6 +29,3 @@ pub use scatter::{PointSet, Scatter};
 pub use strip::{Row, Strip};
 pub use table::{BenchRow, BenchTable, Timing};
 pub use trace::{Mark, Push, Threshold, Trace};
-=======
-
->>>>>>> quality
