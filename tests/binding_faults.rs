@@ -340,3 +340,12 @@ fn nothing_is_printed_logged_or_waited_for() {
         "a log file was written"
     );
 }
+
+#[test]
+fn sizes_beyond_the_engines_range_are_errors() {
+    for size in ["njmax='100000'", "njmax='20000'"] {
+        let model = Model::from_xml_string(&balls(1, size));
+        let simulation = model.and_then(|model| Simulation::new(&model));
+        assert!(simulation.is_err(), "{size}");
+    }
+}

@@ -241,3 +241,80 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
         .into_iter()
         .for_each(|thread| thread.join().unwrap());
 }
+
+/// Nothing that safe code can do in the wrong order may crash: stages in any order, options and rows changed between
+/// them, at any state.
+#[test]
+fn stages_in_any_order_do_no_harm() {
+    type Stage = fn(&mut Simulation) -> Result<(), Error>;
+    const STAGES: [Stage; 22] = [
+        Simulation::step,
+        Simulation::step1,
+        Simulation::step2,
+        Simulation::forward,
+        Simulation::kinematics,
+        Simulation::inertia,
+        Simulation::collision,
+        Simulation::make_constraint,
+        Simulation::transmission,
+        Simulation::project_constraint,
+        Simulation::reference_constraint,
+        Simulation::sensor_pos,
+        Simulation::velocity,
+        Simulation::sensor_vel,
+        Simulation::actuation,
+        Simulation::acceleration,
+        Simulation::constraint,
+        Simulation::sensor_acc,
+        Simulation::euler,
+        Simulation::implicit,
+        Simulation::rne_post_constraint,
+        Simulation::compare_forward_inverse,
+    ];
+    let mut seed = 7_u64;
+    let mut random = |below: usize| {
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % below
+    };
+    let mut sim = Simulation::new(&scene()).unwrap();
+    let mut computed = 0;
+    for _ in 0..6000 {
+        let outcome = match random(40) {
+            0 => sim.set_cone([Cone::Pyramidal, Cone::Elliptic][random(2)]),
+            1 => sim.set_solver([Solver::Newton, Solver::Cg, Solver::Pgs][random(3)]),
+            2 => sim
+                .set_jacobian_storage([JacobianStorage::Dense, JacobianStorage::Sparse][random(2)]),
+            3 => sim.set_noslip_iterations(random(3)),
+            4 => sim.exclude_contact(random(9)),
+            5 => sim.make_friction_rows(random(9)).map(drop),
+            6 => {
+                let jacobian = vec![random(3) as f64 - 1.0; sim.model().nv()];
+                sim.set_row_jacobian(random(40), &jacobian)
+            }
+            7 => {
+                let i = random(sim.model().nq());
+                sim.qpos_mut()[i] = if random(4) == 0 {
+                    f64::NAN
+                } else {
+                    random(3) as f64
+                };
+                Ok(())
+            }
+            8 if random(4) == 0 => sim.reset(),
+            9 => sim.contacts().next().map_or(Ok(()), |contact| {
+                assert!(contact.condim <= 6);
+                sim.contact_force(0).map(drop)
+            }),
+            _ => STAGES[random(STAGES.len())](&mut sim),
+        };
+        match outcome {
+            Ok(()) => computed += 1,
+            Err(Error::Interrupted { .. }) => sim.reset().unwrap(),
+            Err(_) => {}
+        }
+        assert!(sim.efc_force().len() == sim.nefc() && sim.ne() + sim.nf() <= sim.nefc());
+    }
+    assert!(computed > 3000, "{computed}");
+}

@@ -148,7 +148,7 @@ impl Simulation {
     /// [`inertia`](Self::inertia).
     pub fn solve_mass(&self, x: &mut [f64]) -> Result<(), Error> {
         let nv = self.model().nv();
-        if nv == 0 || x.len() % nv != 0 {
+        if nv == 0 || !x.len().is_multiple_of(nv) {
             return check_length("the vectors to solve for (a multiple of nv)", nv, x.len());
         }
         let count = (x.len() / nv) as i32;

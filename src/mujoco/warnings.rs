@@ -140,11 +140,9 @@ impl Simulation {
         let counted = found.iter().any(Option::is_some);
         for text in guard::take_texts() {
             // The counted kinds also give a text, which ends with the time.
+            let repeated = counted && text.contains(" Time = ");
             let known = self.warnings.texts.iter().any(|(_, old)| *old == text);
-            if !(counted && text.contains(" Time = "))
-                && !known
-                && self.warnings.texts.len() < MAX_TEXTS
-            {
+            if !repeated && !known && self.warnings.texts.len() < MAX_TEXTS {
                 self.warnings.texts.push((time, text));
             }
         }
