@@ -3,11 +3,11 @@
 mod quality_support;
 
 use mujoco_grasp::grasp::quality::{
-    Gram, default_latch_quality, default_release_quality, isotropy, min_singular_value,
-    singular_values,
+    Gram, basis_wrenches, default_latch_quality, default_release_quality, isotropy,
+    min_singular_value, singular_values,
 };
 use mujoco_grasp::grasp::wrench::{ContactForce, contact_radius};
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 use quality_support::{Random, contact, equator, faces, on_sphere, tetrahedron};
 
 const A: f64 = 0.04;
@@ -86,8 +86,8 @@ fn fingers_around_an_equator() {
 }
 
 #[test]
-fn three_fingers_that_slide_off_a_meridian_plane_are_weakest_between_the_fingers() {
-    // With friction beyond sqrt(1/2) the equator's weakest pull would be in its plane were torques not weaker still.
+fn three_fingers_with_strong_friction_and_torsion_are_weakest_in_their_plane() {
+    // Torsion makes every torque strong; 3/2 (1 + 2 mu^2) in the plane is then less than 6 mu^2 across it.
     let grasp = on_sphere(&equator(3), A, 4, [2.0, 2.0, 10.0, 0.0, 0.0], F);
     close(quality(&grasp), F * (1.5f64 * (1.0 + 2.0 * 4.0)).sqrt());
 }
@@ -213,5 +213,20 @@ fn grasps_that_can_just_carry_the_target_reach_the_default_threshold() {
         let friction = [1.0, 1.0, 0.005, 0.0001, 0.0001];
         let q = quality(&on_sphere(&equator(2), a, 4, friction, weight / 2.0));
         assert!(q > latch, "{q} at radius {a}");
+    }
+}
+
+#[test]
+fn the_gram_matrix_is_the_grasp_matrix_times_its_transpose() {
+    let mut random = Random::new(17);
+    for condim in [1, 3, 4, 6] {
+        let contacts = random.grasp(4, condim);
+        let com = random.direction() * 0.02;
+        let columns = basis_wrenches(&contacts, &com).expect("a valid grasp");
+        // A normal force, and both members of every friction pair.
+        assert_eq!(columns.len(), 4 * (1 + 2 * (condim - 1)));
+        let product: Matrix6<f64> = columns.iter().map(|w| w * w.transpose()).sum();
+        let gram = Gram::of(&contacts, &com);
+        assert!((gram.matrix() - product).norm() <= 1e-13 * product.norm());
     }
 }

@@ -154,6 +154,14 @@ fn closure_and_epsilon_agree_and_forces_play_no_part() {
         // The hull's linearised cones lie within the exact ones.
         let epsilon = ferrari_canny(&contacts, &Vector3::zeros()).expect("a valid grasp");
         assert!(answer || epsilon == 0.0, "closed by edges, not by cones");
+        // And the octagon contains the circle of its inner radius.
+        if contacts[0].condim == 3 {
+            let mut slippery = contacts.clone();
+            for mu in slippery.iter_mut().flat_map(|c| &mut c.friction) {
+                *mu *= (std::f64::consts::PI / 8.0).cos();
+            }
+            assert!(epsilon > 0.0 || !closed(&slippery), "closed, but epsilon 0");
+        }
         contacts.iter_mut().for_each(|c| c.normal_force = 0.0);
         assert_eq!(closed(&contacts), answer);
     }
@@ -293,6 +301,7 @@ fn forces_that_balance_a_wrench_are_found_to_balance_it() {
             .sum::<Vector6<f64>>();
         let factor = load_factor(&contacts, &com, &external).expect("a verified answer");
         assert!(factor > 1.0 - 1e-5, "round {round}: {factor}");
+        assert!(balance(&contacts, &external, NormalForces::Live).is_some());
         assert!(balance(&contacts, &external, NormalForces::Unlimited).is_some());
     }
 }

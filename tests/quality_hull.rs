@@ -205,15 +205,11 @@ fn facets_of_random_grasps_agree_with_linear_programming() {
 }
 
 #[test]
-fn epsilon_of_a_soft_pinch_is_its_weakest_axis() {
-    // Hull of two cones: along tau_x the two torsions, each at half the effort (the other half balances), so the
-    // support is mu_t f / a; along every axis of sliding mu f; along x nothing but f: epsilon is at most each of them.
+fn epsilon_of_a_soft_pinch_is_below_its_weakest_axis_and_every_support() {
     let (a, mu, spin, f) = (0.03, 0.7, 0.004, 2.0);
     let pinch = on_sphere(&equator(2), a, 4, [mu, mu, spin, 0.0, 0.0], f);
     let epsilon = ferrari_canny(&pinch, &Vector3::zeros()).expect("a valid grasp");
     assert!(epsilon > 0.0);
-    // Forces f_x = f (1 - 2 b), tau_x = spin/a f t, |t| <= share left by sliding: the hull is the join of two cones,
-    // support h(u) = f max over sides of (+-u_fx + max(mu |(sliding)|, spin/a |u_tx|)).
     let h = |u: &Vector6<f64>| {
         support(
             &primitive_wrenches(&pinch, &Vector3::zeros()).expect("valid"),
@@ -221,7 +217,6 @@ fn epsilon_of_a_soft_pinch_is_its_weakest_axis() {
         )
     };
     close(h(&unit(3)), spin / a * f, 1e-12);
-    // A mix of torsion and all four sliding axes is weaker than torsion alone: never more than h(tau_x).
     assert!(epsilon <= spin / a * f + 1e-12);
     let mut random = Random::new(4);
     let least = (0..20000)

@@ -3,7 +3,7 @@
 mod quality_support;
 
 use mujoco_grasp::grasp::closure::force_closure;
-use mujoco_grasp::grasp::quality::{QualityReport, min_singular_value, report};
+use mujoco_grasp::grasp::quality::{Gram, QualityReport, min_singular_value, report};
 use mujoco_grasp::grasp::wrench::ContactForce;
 use nalgebra::{Rotation3, Unit, Vector3, Vector6};
 use proptest::prelude::*;
@@ -147,11 +147,10 @@ proptest! {
     }
 
     #[test]
-    fn pressing_one_contact_harder_never_lowers_what_the_forces_at_one_radius_can_do(
+    fn at_a_fixed_length_pressing_one_contact_harder_never_lowers_q(
         seed in any::<u64>(), count in 3usize..7, which in 0usize..3, more in 1.0..5.0f64,
     ) {
-        // On a sphere about the centroid with the length fixed, G G' grows in every direction.
-        use mujoco_grasp::grasp::quality::Gram;
+        // G G' grows in every direction.
         let (mut contacts, com) = grasp(seed, count, 4);
         let all = |contacts: &[ContactForce]| {
             let mut gram = Gram::new(com, 0.03);

@@ -5,15 +5,13 @@
 //! so the answer never rests on a certificate of infeasibility, and the solution is checked against the balance and the
 //! cones before it is believed.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus,
-    SupportedConeT, ZeroConeT,
-};
+use clarabel::solver::{NonnegativeConeT, SecondOrderConeT, SolverStatus, ZeroConeT};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use thiserror::Error;
 
-use super::quality::{QualityError, RANK_TOLERANCE, check, finite};
+use super::conic::Program;
+use super::gram::RANK_TOLERANCE;
+use super::quality::{QualityError, check, finite};
 use super::wrench::{ContactForce, inverse, stack};
 
 /// Force closure needs forces this deep within every cone, as a fraction of the mean normal force. The conic solver
@@ -101,7 +99,8 @@ pub fn equilibrium(
     let (held, least) = match limit {
         // In units of the wrench's size per newton of normal force in sum.
         NormalForces::Unlimited => (load * balance.size(external), LEAST_LOAD),
-        NormalForces::Live => (load, 1.0),
+        // A target at rest uses its live forces in full: leave the solver its accuracy.
+        NormalForces::Live => (load, 1.0 - RESIDUAL),
     };
     Ok((held >= least).then(|| balance.forces(&forces, load.recip())))
 }
@@ -190,14 +189,13 @@ impl<'a> Balance<'a> {
             .map(|c| c.wrench * c.wrench.transpose())
             .sum();
         let values = gram.symmetric_eigenvalues();
-        values.min() > (RANK_TOLERANCE * RANK_TOLERANCE).max(1e-14) * values.max()
+        values.min() > RANK_TOLERANCE * RANK_TOLERANCE * values.max()
     }
 
     /// Forces that balance each other, their normal forces summing to at most 1, as deep in all cones as possible, and
     /// that depth.
     fn deepest(&self) -> Result<(Vec<f64>, f64), SolverFault> {
-        let bound = Bound::Sum;
-        self.solve(&Vector6::zeros(), 1.0, &bound)
+        self.solve(&Vector6::zeros(), 1.0, &Bound::Sum)
     }
 
     /// Forces \[N\] that balance the largest multiple of `external`, and that multiple: unlimited, with normal forces
@@ -355,68 +353,5 @@ fn lever(contacts: &[ContactForce], com: &Vector3<f64>) -> f64 {
         longest
     } else {
         1.0
-    }
-}
-
-/// A conic program in clarabel's form: rows `A x + slack = b`, the slack in a product of cones.
-struct Program {
-    width: usize,
-    rows: Vec<usize>,
-    columns: Vec<usize>,
-    values: Vec<f64>,
-    b: Vec<f64>,
-    cones: Vec<SupportedConeT<f64>>,
-}
-
-impl Program {
-    fn new(width: usize) -> Self {
-        Program {
-            width,
-            rows: Vec::new(),
-            columns: Vec::new(),
-            values: Vec::new(),
-            b: Vec::new(),
-            cones: Vec::new(),
-        }
-    }
-
-    /// An entry of the current row.
-    fn entry(&mut self, column: usize, value: f64) {
-        if value != 0.0 {
-            self.rows.push(self.b.len());
-            self.columns.push(column);
-            self.values.push(value);
-        }
-    }
-
-    fn end_row(&mut self, right_hand_side: f64) {
-        self.b.push(right_hand_side);
-    }
-
-    fn cone(&mut self, cone: SupportedConeT<f64>) {
-        self.cones.push(cone);
-    }
-
-    fn maximise(
-        self,
-        variable: usize,
-    ) -> Result<(Vec<f64>, SolverStatus), clarabel::solver::SolverError> {
-        let height = self.b.len();
-        let mut q = vec![0.0; self.width];
-        q[variable] = -1.0;
-        let a =
-            CscMatrix::new_from_triplets(height, self.width, self.rows, self.columns, self.values);
-        let settings = DefaultSettings {
-            verbose: false,
-            max_threads: 1,
-            tol_gap_abs: 1e-9,
-            tol_gap_rel: 1e-9,
-            tol_feas: 1e-9,
-            ..DefaultSettings::default()
-        };
-        let p = CscMatrix::zeros((self.width, self.width));
-        let mut solver = DefaultSolver::new(&p, &q, &a, &self.b, &self.cones, settings)?;
-        solver.solve();
-        Ok((solver.solution.x, solver.solution.status))
     }
 }

@@ -2,13 +2,16 @@
 pub mod arrow;
 pub mod closure;
 pub mod cone;
+mod conic;
 mod contacts;
 mod controller;
 pub mod dense;
 mod error;
+pub mod gram;
 pub mod hull;
 pub mod phase;
 pub mod quality;
+mod quickhull;
 pub mod rows;
 pub mod softness;
 pub mod solve;

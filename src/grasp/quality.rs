@@ -22,20 +22,22 @@
 //! `f min(sqrt 2, 2 mu, 2 mu_t / a)`; N >= 3 hard ones around an equator `sqrt(N) mu f`; four at a tetrahedron's corners
 //! `f min(4 mu / sqrt 3, sqrt((4 + 16 mu^2) / 3))`; six at a cube's face centres `f min(2 sqrt 2 mu, sqrt(2 + 8 mu^2))`.
 //!
+//! As in any sum of squares, a contact reported as k points that share its force counts less, `1 / sqrt(k)` of the one
+//! point's share plus what the points' spread adds.
+//!
 //! Q knows ranks and sizes but not that contacts only push: an object lying on an open palm has Q > 0. Force closure and
 //! Ferrari and Canny's epsilon do tell.
 
 use faer::Mat;
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 use serde::Serialize;
 use thiserror::Error;
 
 use super::closure::{self, SolverFault};
+pub use super::gram::{Gram, RANK_TOLERANCE};
 use super::hull::{ConvexHull, HullError};
 use super::wrench::{ContactError, ContactForce, contact_radius};
 
-/// Singular values below this fraction of the largest are rounding: the matrix `G G'` cannot tell them from zero.
-pub const RANK_TOLERANCE: f64 = 1e-7;
 /// Edges of a linearised friction cone.
 pub const CONE_EDGES: usize = 8;
 /// The default Q_Th as a fraction of the target's weight, see [`default_latch_quality`].
@@ -182,147 +184,6 @@ pub fn basis_wrenches(
         }
     }
     Ok(columns)
-}
-
-/// `G G'`, gathered contact by contact without allocating: Q in the hot loop.
-///
-/// Its eigenvalues are the squares of G's singular values, so values below [`RANK_TOLERANCE`] of the largest are lost in
-/// rounding and count as 0. Nothing is checked here: a number that is not finite gives Q = 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gram {
-    matrix: Matrix6<f64>,
-    com: Vector3<f64>,
-    length: f64,
-}
-
-impl Gram {
-    /// An empty grasp of a target with its centre of mass at `com` (world, m); torques will be divided by `length`
-    /// \[m\], see [`contact_radius`]. With a length of 0 torques do not count and Q is 0.
-    pub fn new(com: Vector3<f64>, length: f64) -> Self {
-        Gram {
-            matrix: Matrix6::zeros(),
-            com,
-            length,
-        }
-    }
-
-    /// The grasp by `contacts`.
-    pub fn of(contacts: &[ContactForce], com: &Vector3<f64>) -> Self {
-        let mut gram = Gram::new(*com, contact_radius(contacts));
-        for contact in contacts {
-            gram.add(contact);
-        }
-        gram
-    }
-
-    /// Adds a contact's basis forces.
-    pub fn add(&mut self, contact: &ContactForce) {
-        let force = contact.normal_force;
-        let normal = contact.normal_wrench(&self.com, self.length) * force;
-        self.matrix += normal * normal.transpose();
-        for (row, mu) in contact.active_friction().iter().enumerate() {
-            // Both members of the symmetric pair.
-            let pair = contact.friction_wrench(row, &self.com, self.length)
-                * (std::f64::consts::SQRT_2 * mu * force);
-            self.matrix += pair * pair.transpose();
-        }
-    }
-
-    /// `G G'` \[N^2\].
-    pub fn matrix(&self) -> &Matrix6<f64> {
-        &self.matrix
-    }
-
-    /// Q \[N\].
-    pub fn min_singular_value(&self) -> f64 {
-        let Some(values) = eigenvalues(self.matrix) else {
-            return 0.0;
-        };
-        let largest = values.iter().copied().fold(0.0, f64::max);
-        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-        if least > RANK_TOLERANCE * RANK_TOLERANCE * largest {
-            least.sqrt()
-        } else {
-            0.0
-        }
-    }
-
-    /// Whether Q > `quality` \[N\], by one Cholesky factorisation of `G G' - quality^2 I`: for the test against a
-    /// threshold in every step. A negative `quality` is always exceeded.
-    pub fn exceeds(&self, quality: f64) -> bool {
-        if quality.is_nan() || quality < 0.0 {
-            return quality < 0.0;
-        }
-        let floor = RANK_TOLERANCE * RANK_TOLERANCE * self.matrix.trace();
-        let shift = (quality * quality).max(floor);
-        let mut l = self.matrix;
-        for j in 0..6 {
-            let mut pivot = l[(j, j)] - shift;
-            for k in 0..j {
-                pivot -= l[(j, k)] * l[(j, k)];
-            }
-            // Not `pivot <= 0`: a NaN must fail.
-            if !(pivot > 0.0 && pivot.is_finite()) {
-                return false;
-            }
-            let scale = pivot.sqrt().recip();
-            for i in j + 1..6 {
-                let mut entry = l[(i, j)];
-                for k in 0..j {
-                    entry -= l[(i, k)] * l[(j, k)];
-                }
-                l[(i, j)] = entry * scale;
-            }
-        }
-        true
-    }
-}
-
-/// Eigenvalues of a symmetric matrix by cyclic Jacobi rotations, in no order; None if it is not finite. Jacobi needs no
-/// allocation, always ends, and keeps small eigenvalues of positive definite matrices accurate.
-fn eigenvalues(mut a: Matrix6<f64>) -> Option<[f64; 6]> {
-    let size = a.norm();
-    if !size.is_finite() {
-        return None;
-    }
-    // Quadratic convergence: six sweeps do, twenty are a safe end.
-    for _ in 0..20 {
-        let mut off: f64 = 0.0;
-        for p in 0..5 {
-            for q in p + 1..6 {
-                off = off.max(a[(p, q)].abs());
-                rotate(&mut a, p, q);
-            }
-        }
-        if off <= 1e-17 * size {
-            break;
-        }
-    }
-    Some(std::array::from_fn(|k| a[(k, k)]))
-}
-
-/// The Jacobi rotation that makes `a[(p, q)]` zero.
-fn rotate(a: &mut Matrix6<f64>, p: usize, q: usize) {
-    let off = a[(p, q)];
-    if off == 0.0 {
-        return;
-    }
-    let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
-    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-    let c = t.hypot(1.0).recip();
-    let s = t * c;
-    for k in 0..6 {
-        let (x, y) = (a[(k, p)], a[(k, q)]);
-        a[(k, p)] = c * x - s * y;
-        a[(k, q)] = s * x + c * y;
-    }
-    for k in 0..6 {
-        let (x, y) = (a[(p, k)], a[(q, k)]);
-        a[(p, k)] = c * x - s * y;
-        a[(q, k)] = s * x + c * y;
-    }
-    a[(p, q)] = 0.0;
-    a[(q, p)] = 0.0;
 }
 
 /// The default Q_Th \[N\] for a target of that weight \[N\] (mass times gravity; where there is no gravity, use what it

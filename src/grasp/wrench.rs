@@ -160,8 +160,8 @@ impl ContactForce {
 /// The characteristic length \[m\] by which torques are divided: the mean distance of the contacts from their centroid,
 /// both means weighted by normal force.
 ///
-/// The weights make the length, and with it the quality, continuous when a contact is born or dies at zero force, and
-/// make a contact count the same whether the collision stage reports it as one point or as several beside each other.
+/// The weights make the length, and with it the quality, continuous when a contact is born or dies at zero force, and a
+/// finger weigh the same in it whether the collision stage reports one point or several beside each other.
 /// With equal forces it is the plain mean of the design. It is 0 for a single contact, and where nothing is loaded.
 pub fn contact_radius(contacts: &[ContactForce]) -> f64 {
     let total: f64 = contacts.iter().map(|c| c.normal_force).sum();
