@@ -14,6 +14,7 @@
 
 use super::cone::{Law, MAX_ROWS, Response, Zone};
 use super::dense;
+use nalgebra::{SMatrix, SVector};
 
 /// Unknowns of the root: the palm's six and the target's six.
 pub const ROOT: usize = 12;
@@ -417,39 +418,75 @@ impl Arrow {
             *pull = self.law_forces[branch.row0 + i] - self.forces[branch.row0 + i];
         }
         let mobility = &self.mobility[branch.square0..branch.square0 + m * m];
-        self.scratch.clear();
-        self.scratch.resize(m * m, 0.0);
-        for i in 0..m {
-            let row = &mut self.scratch[i * m..(i + 1) * m];
-            for k in 0..m {
-                let c = stiffness[i * m + k];
-                if c != 0.0 {
-                    dense::axpy(c, &mobility[k * m..(k + 1) * m], row);
-                }
-            }
-            row[i] += 1.0;
+        // one contact of condim 3 or 4 is what most fingers have
+        match m {
+            3 => eliminate_small::<3>(mobility, pull, stiffness),
+            4 => eliminate_small::<4>(mobility, pull, stiffness),
+            _ => eliminate_any(mobility, pull, stiffness, &mut self.scratch),
         }
-        dense::lu_solve(&mut self.scratch, m, pull, stiffness);
     }
 
     /// `H += Y' E C Y` and the finger's share of the right-hand side, `Y' E (f - lambda)` less what the root's gradient
-    /// already has of it.
+    /// already has of it. Only the lower triangle of `H` is kept.
     fn add_to_root(&self, branch: &Branch, newton: &mut Newton) {
         let rows = &self.root_rows[branch.row0..branch.row0 + branch.rows];
         for (i, y) in rows.iter().enumerate() {
             let mut coupled = [0.0; ROOT];
             for (c, other) in branch.row(&self.stiffness, i).iter().zip(rows) {
-                dense::axpy(*c, other, &mut coupled);
+                for k in 0..ROOT {
+                    coupled[k] += c * other[k];
+                }
             }
-            for (h, y) in newton.hessian.iter_mut().zip(y) {
-                dense::axpy(*y, &coupled, h);
+            for k in 0..ROOT / 2 {
+                for j in 0..ROOT / 2 {
+                    newton.hessian[k][j] += y[k] * coupled[j];
+                }
+            }
+            for k in ROOT / 2..ROOT {
+                for j in 0..ROOT {
+                    newton.hessian[k][j] += y[k] * coupled[j];
+                }
             }
             if branch.moves {
                 let row = branch.row0 + i;
-                dense::axpy(self.pull[row] + self.disagreement(row), y, &mut newton.step);
+                let pull = self.pull[row] + self.disagreement(row);
+                for k in 0..ROOT {
+                    newton.step[k] += pull * y[k];
+                }
             }
         }
     }
+}
+
+/// `pull <- E pull`, `stiffness <- E C` with `E = (I + C W)^-1`, for as many rows as there are closed inverses for.
+fn eliminate_small<const M: usize>(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64]) {
+    let c = SMatrix::<f64, M, M>::from_row_slice(stiffness);
+    let w = SMatrix::<f64, M, M>::from_row_slice(mobility);
+    let a = SMatrix::<f64, M, M>::identity() + c * w;
+    // the eigenvalues of C W are those of a positive semidefinite matrix: A is never singular
+    let e = a.try_inverse().unwrap_or_else(SMatrix::identity);
+    let pulled = e * SVector::<f64, M>::from_column_slice(pull);
+    pull.copy_from_slice(pulled.as_slice());
+    // symmetric: columns are rows
+    stiffness.copy_from_slice((e * c).as_slice());
+}
+
+/// As [`eliminate_small`], for any number of rows.
+fn eliminate_any(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64], scratch: &mut Vec<f64>) {
+    let m = pull.len();
+    scratch.clear();
+    scratch.resize(m * m, 0.0);
+    for i in 0..m {
+        let row = &mut scratch[i * m..(i + 1) * m];
+        for k in 0..m {
+            let c = stiffness[i * m + k];
+            if c != 0.0 {
+                dense::axpy(c, &mobility[k * m..(k + 1) * m], row);
+            }
+        }
+        row[i] += 1.0;
+    }
+    dense::lu_solve(scratch, m, pull, stiffness);
 }
 
 impl Branch {
