@@ -49,6 +49,16 @@ pub enum Error {
         /// MuJoCo's own message.
         source: crate::mujoco::Error,
     },
+    /// An option that makes no sense.
+    #[error("{option} is {value}; {expected}")]
+    Option {
+        /// As on the command line.
+        option: &'static str,
+        /// What was given.
+        value: String,
+        /// What would be right.
+        expected: &'static str,
+    },
     /// A grasp cannot be set up on this model.
     #[error("{}: grasp[{index}]: {source}", file.display())]
     Grasp {
@@ -77,6 +87,9 @@ pub enum Error {
         /// Why.
         source: crate::grasp::Error,
     },
+    /// The quality of a grasp cannot be computed.
+    #[error("the quality of the grasp: {0}")]
+    Quality(#[source] crate::grasp::quality::QualityError),
     /// MuJoCo refused something outside a step.
     #[error(transparent)]
     Engine(#[from] crate::mujoco::Error),
@@ -99,9 +112,10 @@ impl Error {
             | Self::Parse { .. }
             | Self::Field { .. }
             | Self::Model { .. }
+            | Self::Option { .. }
             | Self::Grasp { .. }
             | Self::Goal { .. } => true,
-            Self::Step { .. } | Self::Engine(_) | Self::Write { .. } => false,
+            Self::Step { .. } | Self::Quality(_) | Self::Engine(_) | Self::Write { .. } => false,
         }
     }
 }

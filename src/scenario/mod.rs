@@ -9,6 +9,7 @@ pub mod compare;
 pub mod control;
 pub mod error;
 pub mod file;
+pub mod measure;
 pub mod outcome;
 pub mod plan;
 pub mod run;

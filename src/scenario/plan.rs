@@ -148,6 +148,21 @@ impl Plan {
         }
     }
 
+    /// The same plan with every push `factor` times as large.
+    ///
+    /// # Errors
+    /// A factor that is not finite.
+    pub fn scale_pushes(mut self, factor: f64) -> Result<Self, Error> {
+        if !factor.is_finite() {
+            let (option, value, expected) = ("--scale-push", factor.to_string(), "it must be a finite number");
+            return Err(Error::Option { option, value, expected });
+        }
+        for push in &mut self.pushes {
+            *push = push.scaled(factor);
+        }
+        Ok(self)
+    }
+
     /// The same plan with every grasp bounded in another way.
     pub fn with_limits(mut self, limits: Limits) -> Self {
         for grasp in &mut self.grasps {
