@@ -1,0 +1,49 @@
+//! A safe binding to MuJoCo 2.2.2: the only place in the crate with unsafe code.
+//!
+//! - [`Model`]: loading; everything readable is on [`CompiledModel`].
+//! - [`Simulation`]: a private copy of a model and its data; steps whole or in [`stages`], [`Contact`]s, Jacobians,
+//!   constraint [`rows`], [`State`]s. The engine's numeric arrays are methods with the engine's names.
+//! - [`Error`]: engine faults, dropped contacts, resets by the engine. Nothing is printed, logged or ended by MuJoCo.
+
+mod arrays;
+mod compat;
+mod compiled;
+mod contact;
+mod data_arrays;
+mod error;
+pub(crate) mod ffi;
+mod guard;
+mod ids;
+mod jacobian;
+mod kinds;
+mod model;
+mod model_arrays;
+mod options;
+mod poses;
+pub mod rows;
+mod simulation;
+pub mod stages;
+mod state;
+mod vfs;
+mod warnings;
+
+pub use compiled::CompiledModel;
+pub use contact::{Contact, ContactForce};
+pub use error::{Buffer, Error};
+pub use ids::{
+    ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId,
+    SiteId, TendonId,
+};
+pub use kinds::{
+    Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver,
+};
+pub use model::Model;
+pub use rows::ConstraintRow;
+pub use simulation::Simulation;
+pub use state::State;
+pub use warnings::{Warning, WarningKind};
+
+/// The MuJoCo version that this crate was built for, e.g. "2.2.2".
+pub fn mujoco_version() -> String {
+    compat::header_version()
+}

@@ -1,0 +1,95 @@
+//! Poses and velocities of model elements, as nalgebra types, world frame.
+//!
+//! # Panics
+//! As with slices, an id that is not of this simulation's model and too large for it panics.
+
+use super::error::Error;
+use super::ffi;
+use super::ids::{BodyId, GeomId, SiteId};
+use super::simulation::Simulation;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
+
+fn vector(array: &[f64], index: usize) -> Vector3<f64> {
+    Vector3::from_column_slice(&array[3 * index..3 * index + 3])
+}
+
+fn matrix(array: &[f64], index: usize) -> Matrix3<f64> {
+    Matrix3::from_row_slice(&array[9 * index..9 * index + 9])
+}
+
+impl Simulation {
+    /// Origin of a body's frame, m.
+    pub fn body_position(&self, id: BodyId) -> Vector3<f64> {
+        vector(self.xpos(), id.index())
+    }
+
+    /// Orientation of a body's frame: body axes to world axes.
+    pub fn body_rotation(&self, id: BodyId) -> Matrix3<f64> {
+        matrix(self.xmat(), id.index())
+    }
+
+    /// Orientation of a body's frame as a quaternion.
+    pub fn body_quaternion(&self, id: BodyId) -> UnitQuaternion<f64> {
+        let q = &self.xquat()[4 * id.index()..4 * id.index() + 4];
+        UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]))
+    }
+
+    /// A body's own centre of mass, m.
+    pub fn body_com(&self, id: BodyId) -> Vector3<f64> {
+        vector(self.xipos(), id.index())
+    }
+
+    /// Inertia of a body about its own centre of mass, world axes, kg m^2.
+    pub fn body_inertia_world(&self, id: BodyId) -> Matrix3<f64> {
+        let axes = matrix(self.ximat(), id.index());
+        axes * Matrix3::from_diagonal(&vector(self.model().body_inertia(), id.index()))
+            * axes.transpose()
+    }
+
+    /// Twist of a body, [linear; angular]: the velocity of its frame's origin (m/s) and its angular velocity (rad/s),
+    /// world axes. Valid after [`velocity`](Self::velocity).
+    pub fn body_twist(&self, id: BodyId) -> Result<Vector6<f64>, Error> {
+        self.object_velocity(ffi::mjOBJ_XBODY, id)
+    }
+
+    /// As [`body_twist`](Self::body_twist), of the body's centre of mass.
+    pub fn body_com_twist(&self, id: BodyId) -> Result<Vector6<f64>, Error> {
+        self.object_velocity(ffi::mjOBJ_BODY, id)
+    }
+
+    fn object_velocity(&self, object: u32, id: BodyId) -> Result<Vector6<f64>, Error> {
+        super::error::check_index("body", id.index(), self.model().nbody())?;
+        let mut out = [0.0; 6];
+        // SAFETY: the body exists; the engine writes six numbers, [angular; linear], world axes.
+        self.query("mj_objectVelocity", |m, d| unsafe {
+            ffi::mj_objectVelocity(m, d, object as i32, id.index() as i32, out.as_mut_ptr(), 0)
+        })?;
+        let [wx, wy, wz, vx, vy, vz] = out;
+        Ok(Vector6::new(vx, vy, vz, wx, wy, wz))
+    }
+
+    /// Centre of a geom, m.
+    pub fn geom_position(&self, id: GeomId) -> Vector3<f64> {
+        vector(self.geom_xpos(), id.index())
+    }
+
+    /// Orientation of a geom: geom axes to world axes.
+    pub fn geom_rotation(&self, id: GeomId) -> Matrix3<f64> {
+        matrix(self.geom_xmat(), id.index())
+    }
+
+    /// Position of a site, m.
+    pub fn site_position(&self, id: SiteId) -> Vector3<f64> {
+        vector(self.site_xpos(), id.index())
+    }
+
+    /// Orientation of a site: site axes to world axes.
+    pub fn site_rotation(&self, id: SiteId) -> Matrix3<f64> {
+        matrix(self.site_xmat(), id.index())
+    }
+
+    /// Centre of mass of the tree below a body, with it, m.
+    pub fn subtree_com_of(&self, id: BodyId) -> Vector3<f64> {
+        vector(self.subtree_com(), id.index())
+    }
+}

@@ -1,0 +1,166 @@
+//! One step, whole or in its parts.
+//!
+//! MuJoCo's step is, in this order (engine_forward.c of 2.2.2):
+//!
+//! | part | methods |
+//! |---|---|
+//! | checks | [`check_pos`](Simulation::check_pos), [`check_vel`](Simulation::check_vel) |
+//! | position | [`kinematics`](Simulation::kinematics), [`inertia`](Simulation::inertia), [`collision`](Simulation::collision), [`make_constraint`](Simulation::make_constraint), [`transmission`](Simulation::transmission), [`project_constraint`](Simulation::project_constraint) |
+//! | | [`sensor_pos`](Simulation::sensor_pos), [`energy_pos`](Simulation::energy_pos) if enabled |
+//! | velocity | [`velocity`](Simulation::velocity), [`sensor_vel`](Simulation::sensor_vel), [`energy_vel`](Simulation::energy_vel) if enabled |
+//! | forces | [`actuation`](Simulation::actuation), [`acceleration`](Simulation::acceleration), [`constraint`](Simulation::constraint), [`sensor_acc`](Simulation::sensor_acc) |
+//! | integration | [`check_acc`](Simulation::check_acc), [`integrate`](Simulation::integrate) |
+//!
+//! Run in that order they give [`step`](Simulation::step) bit for bit. Each method returns the fault, if any, and what
+//! the engine silently did meanwhile: [`Error::BufferFull`], [`Error::Diverged`], [`Error::BadControl`].
+
+use super::compat;
+use super::error::Error;
+use super::ffi;
+use super::kinds::Integrator;
+use super::simulation::Simulation;
+
+macro_rules! stages {
+    ($($(#[$doc:meta])* $name:ident = $($function:ident)+;)*) => { $(
+        $(#[$doc])*
+        pub fn $name(&mut self) -> Result<(), Error> {
+            self.run(concat!($(stringify!($function), " "),+).trim_ascii_end(), |m, d| {
+                // SAFETY: model and data belong together.
+                unsafe { $(ffi::$function(m, d);)+ }
+            })
+        }
+    )* };
+}
+
+impl Simulation {
+    stages! {
+        /// One time step (mj_step). On [`Error::BufferFull`] and [`Error::BadControl`] the step was made, without
+        /// what was dropped; on [`Error::Diverged`] it was made from the initial configuration.
+        step = mj_step;
+        /// The first half of a step, before forces and controls are set (mj_step1).
+        step1 = mj_step1;
+        /// The second half of a step (mj_step2); an RK4 model is integrated with Euler.
+        step2 = mj_step2;
+        /// Everything but the integration (mj_forward): all quantities for the current state.
+        forward = mj_forward;
+
+        /// Resets the simulation and reports it if a position is bad.
+        check_pos = mj_checkPos;
+        /// Resets the simulation and reports it if a velocity is bad.
+        check_vel = mj_checkVel;
+        /// Resets the simulation and reports it if an acceleration is bad.
+        check_acc = mj_checkAcc;
+        /// The whole position stage, without sensors and energy (mj_fwdPosition).
+        position = mj_fwdPosition;
+        /// Poses of everything, centres of mass, tendons.
+        kinematics = mj_kinematics mj_comPos mj_camlight mj_tendon;
+        /// The inertia matrix and its factorization.
+        inertia = mj_crb mj_factorM;
+        /// Actuator lengths and moments.
+        transmission = mj_transmission;
+        /// The matrix of the dual solvers; nothing for CG and Newton without noslip.
+        project_constraint = mj_projectConstraint;
+        /// Velocity and reference acceleration of the constraint rows; part of [`velocity`](Self::velocity).
+        reference_constraint = mj_referenceConstraint;
+        /// Sensors that depend on positions.
+        sensor_pos = mj_sensorPos;
+        /// Potential energy; does nothing without the `energy` flag.
+        energy_pos = mj_energyPos;
+        /// Velocities, passive and bias forces, and the constraint rows' reference acceleration.
+        velocity = mj_fwdVelocity;
+        /// Sensors that depend on velocities.
+        sensor_vel = mj_sensorVel;
+        /// Kinetic energy; does nothing without the `energy` flag.
+        energy_vel = mj_energyVel;
+        /// Actuator forces.
+        actuation = mj_fwdActuation;
+        /// The sum of all forces but the constraints', and the acceleration that it gives.
+        acceleration = mj_fwdAcceleration;
+        /// The constraint solver: efc_force, qfrc_constraint, qacc.
+        constraint = mj_fwdConstraint;
+        /// Sensors that depend on accelerations and forces.
+        sensor_acc = mj_sensorAcc;
+        /// Semi-implicit Euler integration.
+        euler = mj_Euler;
+        /// Accelerations and interaction forces of all bodies (cacc, cfrc_int, cfrc_ext).
+        rne_post_constraint = mj_rnePostConstraint;
+        /// Compares forward with inverse dynamics (a step does, if `fwdinv` is enabled).
+        compare_forward_inverse = mj_compareFwdInv;
+    }
+
+    /// Collision detection: fills the contacts. The previous constraint rows are dropped, as they refer to the
+    /// previous contacts.
+    pub fn collision(&mut self) -> Result<(), Error> {
+        self.forget_rows();
+        // SAFETY: model and data belong together.
+        self.run("mj_collision", |m, d| unsafe { ffi::mj_collision(m, d) })
+    }
+
+    /// Makes the constraint rows from equality constraints, friction losses, limits and contacts.
+    pub fn make_constraint(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_makeConstraint", |m, d| unsafe {
+            ffi::mj_makeConstraint(m, d)
+        })
+    }
+
+    /// Integration that is implicit in velocity.
+    pub fn implicit(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_implicit", |m, d| unsafe { compat::mj_implicit(m, d) })
+    }
+
+    /// The model's integrator: Euler or implicit. RK4 evaluates the forward dynamics four times per
+    /// step, so it has no stage of its own: [`Error::Unsupported`].
+    pub fn integrate(&mut self) -> Result<(), Error> {
+        self.check_staged_integrator()?;
+        match self.model().integrator() {
+            Integrator::Implicit => self.implicit(),
+            _ => self.euler(),
+        }
+    }
+
+    /// `Ok` if the model's integrator can run in stages.
+    pub fn check_staged_integrator(&self) -> Result<(), Error> {
+        match self.model().integrator() {
+            Integrator::Euler | Integrator::Implicit => Ok(()),
+            other => Err(Error::Unsupported(format!(
+                "a step in stages needs the integrator Euler or implicit; the model's is {other:?}"
+            ))),
+        }
+    }
+
+    /// One time step, stage by stage: the same as [`step`](Self::step) bit for bit. On an error the
+    /// rest of the step is not made.
+    pub fn step_in_stages(&mut self) -> Result<(), Error> {
+        self.check_staged_integrator()?;
+        let enabled = self.model().enable_flags();
+        let energy = enabled & ffi::mjENBL_ENERGY != 0;
+        self.check_pos()?;
+        self.check_vel()?;
+        self.kinematics()?;
+        self.inertia()?;
+        self.collision()?;
+        self.make_constraint()?;
+        self.transmission()?;
+        self.project_constraint()?;
+        self.sensor_pos()?;
+        if energy {
+            self.energy_pos()?;
+        }
+        self.velocity()?;
+        self.sensor_vel()?;
+        if energy {
+            self.energy_vel()?;
+        }
+        self.actuation()?;
+        self.acceleration()?;
+        self.constraint()?;
+        self.sensor_acc()?;
+        self.check_acc()?;
+        if enabled & ffi::mjENBL_FWDINV != 0 {
+            self.compare_forward_inverse()?;
+        }
+        self.integrate()
+    }
+}
