@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::control::Schedule;
@@ -71,8 +72,10 @@ struct Watch {
     /// Body -> index among the links.
     link_of: Vec<Option<usize>>,
     normal_forces: Vec<f64>,
-    speeds: Vec<f64>,
-    slip: Vec<f64>,
+    /// Fastest slip of each link's contacts in this step, in the palm's axes \[m/s\].
+    velocities: Vec<Vector3<f64>>,
+    /// Slip of each link since `measure_from`, in the palm's axes \[m\].
+    slip: Vec<Vector3<f64>>,
 }
 
 impl Runner {
@@ -328,22 +331,25 @@ impl Watch {
             link_of[link.index()] = Some(i);
         }
         let n = grasp.links().len();
-        let (normal_forces, speeds, slip) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, speeds, slip }
+        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
+        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, velocities, slip }
     }
 
     fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
+        let palm = pose(sim, self.palm);
         self.normal_forces.fill(0.0);
-        self.speeds.fill(0.0);
+        self.velocities.fill(Vector3::zeros());
         for contact in grasp.contacts() {
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
-                self.speeds[link] = self.speeds[link].max(contact.slip_velocity.norm());
+                if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
+                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
+                }
             }
         }
         if let Some(step) = at.slipping {
-            for (slip, speed) in self.slip.iter_mut().zip(&self.speeds) {
-                *slip += speed * step;
+            for (slip, velocity) in self.slip.iter_mut().zip(&self.velocities) {
+                *slip += velocity * step;
             }
         }
         let (mut touching, mut penetration) = (false, 0.0_f64);
@@ -355,7 +361,7 @@ impl Watch {
                 penetration = penetration.max(-contact.dist);
             }
         }
-        let target = pose(sim, self.palm).inv_mul(&pose(sim, self.target));
+        let target = palm.inv_mul(&pose(sim, self.target));
         Sample {
             time: at.time,
             position: target.translation.vector,
@@ -364,7 +370,7 @@ impl Watch {
             quality: grasp.quality(),
             touching,
             penetration,
-            slip: self.slip.iter().copied().fold(0.0, f64::max),
+            slip: self.slip.iter().map(|s| s.norm()).fold(0.0, f64::max),
             step_ns: at.step_ns,
         }
     }
