@@ -135,6 +135,19 @@ impl Runner {
         self.steps >= self.total_steps()
     }
 
+    /// How contacts are simulated.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Pushes in another way, or not at all, from now on.
+    pub fn set_push(&mut self, push: Option<&Push>) {
+        if let Some(old) = &self.push {
+            self.sim.xfrc_applied_mut()[6 * old.body.index()..6 * old.body.index() + 6].fill(0.0);
+        }
+        self.push = push.cloned();
+    }
+
     /// The simulation.
     pub fn sim(&self) -> &Simulation {
         &self.sim
