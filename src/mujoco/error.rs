@@ -139,6 +139,10 @@ pub enum Error {
         rule: &'static str,
     },
 
+    /// A picture could not be drawn.
+    #[error("cannot draw a picture: {0}")]
+    Rendering(String),
+
     /// Something that this crate does not do with this model.
     #[error("{0}")]
     Unsupported(String),

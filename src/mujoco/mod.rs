@@ -3,13 +3,17 @@
 //! - [`Model`]: loading; everything readable is on [`CompiledModel`].
 //! - [`Simulation`]: a private copy of a model and its data; steps whole or in [`stages`], [`Contact`]s, Jacobians,
 //!   constraint [`rows`], [`State`]s. The engine's numeric arrays are methods with the engine's names.
+//! - [`Renderer`]: pictures, drawn offscreen without a display.
 //! - [`Error`]: engine faults, dropped contacts, resets by the engine. Nothing is printed, logged or ended by MuJoCo.
 
 mod arrays;
+mod arrow;
+mod camera;
 mod compat;
 mod compiled;
 mod contact;
 mod data_arrays;
+mod egl;
 mod error;
 pub(crate) mod ffi;
 mod guard;
@@ -20,6 +24,7 @@ mod model;
 mod model_arrays;
 mod options;
 mod poses;
+mod render;
 pub mod rows;
 mod simulation;
 pub mod stages;
@@ -27,6 +32,8 @@ mod state;
 mod vfs;
 mod warnings;
 
+pub use arrow::Arrow;
+pub use camera::Camera;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};
@@ -38,6 +45,7 @@ pub use kinds::{
     Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver,
 };
 pub use model::Model;
+pub use render::{Drawing, Renderer};
 pub use rows::ConstraintRow;
 pub use simulation::Simulation;
 pub use state::State;
@@ -47,3 +55,8 @@ pub use warnings::{Warning, WarningKind};
 pub fn mujoco_version() -> String {
     compat::header_version()
 }
+
+/// Disable flag: `solref` is used as it is, even if it is too stiff for the time step.
+pub const DISABLE_REFSAFE: u32 = ffi::mjDSBL_REFSAFE;
+/// Enable flag: energies are computed in every step.
+pub const ENABLE_ENERGY: u32 = ffi::mjENBL_ENERGY;

@@ -1,0 +1,301 @@
+//! The laws that turn a contact's acceleration residual into its force: projections onto friction cones.
+//!
+//! A law is the gradient of a convex function `s`: `force = -ds/djar`, with `jar = J a - aref` the residual of
+//! the contact's rows (MuJoCo's notation). Two laws act one after the other, as in MuJoCo with its noslip pass:
+//!
+//! 1. [`Law::Elliptic`], [`Law::Pyramidal`], [`Law::Unilateral`]: the trial force `-jar / R` is projected onto the
+//!    friction cone in the metric of MuJoCo's contact softness `R`. Since `R_j mu_j^2` is the same for all friction
+//!    rows, the projection is radial and has a closed form.
+//! 2. [`Law::Slip`]: with the normal force now fixed, friction without softness: a proximal step around the force
+//!    `centre` (its value one step ago), projected onto what the normal force allows. When the force stops changing
+//!    the residual is zero: nothing creeps.
+
+/// Largest number of rows of one contact (condim 6).
+pub const MAX_ROWS: usize = 6;
+
+/// Where a contact stands on its cone; the force is affine in the residual in the first two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Zone {
+    /// No force.
+    Open,
+    /// Inside the cone: the force is the trial force.
+    Stick,
+    /// On the cone's surface.
+    Slide,
+    /// Pyramids and boxes: the rows that push (pyramid, bit per edge) or saturate (box, two bits per axis).
+    Facet(u32),
+}
+
+impl Zone {
+    /// True where the force is an affine function of the residual as long as the zone stays the same.
+    pub fn is_affine(self) -> bool {
+        self != Zone::Slide
+    }
+}
+
+/// What a contact does with the residual of its rows. Row order is MuJoCo's: normal, two tangents, spin, two
+/// rolling axes (condim 1, 3, 4, 6).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// One row that only pushes: condim 1, or a joint limit. `stiffness` is `1 / R`.
+    Unilateral {
+        /// `1 / R` of the row.
+        stiffness: f64,
+    },
+    /// Elliptic cone `f_n >= |f_j / mu_j|`, softness `R_0` on the normal and `R_j = R_0 mu_0^2 / (impratio mu_j^2)`.
+    Elliptic {
+        /// `1 / R_0` of the normal row.
+        stiffness: f64,
+        /// MuJoCo's regularised coefficient `mu_1 sqrt(R_1 / R_0)`.
+        cone: f64,
+        /// Friction coefficients of the rows after the normal.
+        friction: [f64; 5],
+    },
+    /// Pyramid with edges `n +- mu_j t_j`, each of the same softness.
+    Pyramidal {
+        /// `1 / R` of an edge.
+        stiffness: f64,
+        /// Friction coefficients of the rows after the normal.
+        friction: [f64; 5],
+    },
+    /// Friction under a known normal force. The rows are those after the normal.
+    Slip {
+        /// Force at which the proximal step starts [N, N m].
+        centre: [f64; 5],
+        /// Proximal resistance of the first friction row; `r_j = resistance mu_0^2 / mu_j^2`.
+        resistance: f64,
+        /// Friction coefficients.
+        friction: [f64; 5],
+        /// What the normal force allows.
+        bound: Bound,
+    },
+}
+
+/// The set in which a friction force lies once the normal force is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    /// `sqrt(sum (f_j / mu_j)^2) <= N`.
+    Ellipsoid(f64),
+    /// `|f_j| <= mu_j N_j`, `N_j` the normal force that the pair of edges `j` of a pyramid carries.
+    Box([f64; 5]),
+}
+
+/// Value of a law at one residual. `hessian` is row-major with stride [`MAX_ROWS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Response {
+    /// `s(jar)`.
+    pub cost: f64,
+    /// `-ds/djar`.
+    pub force: [f64; MAX_ROWS],
+    /// `d2s/djar2`, symmetric, positive semidefinite.
+    pub hessian: [f64; MAX_ROWS * MAX_ROWS],
+    /// Where on the cone.
+    pub zone: Zone,
+}
+
+impl Response {
+    /// No force.
+    pub fn open() -> Self {
+        Response {
+            cost: 0.0,
+            force: [0.0; MAX_ROWS],
+            hessian: [0.0; MAX_ROWS * MAX_ROWS],
+            zone: Zone::Open,
+        }
+    }
+}
+
+impl Law {
+    /// Evaluates the law at the residual `jar` (one entry for each row that the law governs).
+    pub fn respond(&self, jar: &[f64]) -> Response {
+        match self {
+            Law::Unilateral { stiffness } => unilateral(jar[0], *stiffness),
+            Law::Elliptic {
+                stiffness,
+                cone,
+                friction,
+            } => elliptic(jar, *stiffness, *cone, friction),
+            Law::Pyramidal {
+                stiffness,
+                friction,
+            } => pyramidal(jar, *stiffness, friction),
+            Law::Slip {
+                centre,
+                resistance,
+                friction,
+                bound,
+            } => {
+                let kappa = resistance * friction[0] * friction[0];
+                match bound {
+                    Bound::Ellipsoid(normal) => slip_ellipsoid(jar, centre, kappa, friction, *normal),
+                    Bound::Box(normals) => slip_box(jar, centre, kappa, friction, normals),
+                }
+            }
+        }
+    }
+}
+
+fn unilateral(jar: f64, stiffness: f64) -> Response {
+    let mut out = Response::open();
+    if jar < 0.0 {
+        out.cost = 0.5 * stiffness * jar * jar;
+        out.force[0] = -stiffness * jar;
+        out.hessian[0] = stiffness;
+        out.zone = Zone::Stick;
+    }
+    out
+}
+
+/// MuJoCo's elliptic cone ("Computation" chapter, "Reduced cost for friction cones"): in the coordinates
+/// `U = (mu jar_n, mu_j jar_j)` the dual cone is circular and the projection radial.
+fn elliptic(jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) -> Response {
+    let dim = jar.len();
+    let mut out = Response::open();
+    let mut u = [0.0; MAX_ROWS];
+    let mut tangential = 0.0;
+    for j in 1..dim {
+        u[j] = jar[j] * friction[j - 1];
+        tangential += u[j] * u[j];
+    }
+    let normal = jar[0] * mu;
+    let tangential = tangential.sqrt();
+
+    if normal >= mu * tangential {
+        return out;
+    }
+    if mu * normal + tangential <= 0.0 {
+        out.zone = Zone::Stick;
+        out.force[0] = -stiffness * jar[0];
+        out.hessian[0] = stiffness;
+        for j in 1..dim {
+            // R_j mu_j^2 = R_0 mu^2: see `Law::Elliptic`
+            let d = stiffness * friction[j - 1] * friction[j - 1] / (mu * mu);
+            out.force[j] = -d * jar[j];
+            out.hessian[j * MAX_ROWS + j] = d;
+        }
+        out.cost = -0.5 * (0..dim).map(|j| out.force[j] * jar[j]).sum::<f64>();
+        return out;
+    }
+
+    out.zone = Zone::Slide;
+    let dm = stiffness / (mu * mu * (1.0 + mu * mu));
+    let depth = normal - mu * tangential;
+    out.cost = 0.5 * dm * depth * depth;
+    out.force[0] = -dm * depth * mu;
+    let along = out.force[0] / tangential;
+    for j in 1..dim {
+        out.force[j] = -along * u[j] * friction[j - 1];
+    }
+    // second derivative of dm/2 (U_0 - mu |U_t|)^2, chained with diag(mu, friction)
+    let scale = |j: usize| if j == 0 { mu } else { friction[j - 1] };
+    let diagonal = mu * mu - mu * normal / tangential;
+    let outer = mu * normal / (tangential * tangential * tangential);
+    for i in 0..dim {
+        for j in 0..=i {
+            let mut h = match (i, j) {
+                (0, 0) => 1.0,
+                (_, 0) => -mu * u[i] / tangential,
+                _ => outer * u[i] * u[j],
+            };
+            if i == j && i > 0 {
+                h += diagonal;
+            }
+            h *= dm * scale(i) * scale(j);
+            out.hessian[i * MAX_ROWS + j] = h;
+            out.hessian[j * MAX_ROWS + i] = h;
+        }
+    }
+    out
+}
+
+fn pyramidal(jar: &[f64], stiffness: f64, friction: &[f64; 5]) -> Response {
+    let mut out = Response::open();
+    let mut edges = 0;
+    for j in 1..jar.len() {
+        let mu = friction[j - 1];
+        for (bit, sign) in [(0, mu), (1, -mu)] {
+            let residual = jar[0] + sign * jar[j];
+            if residual >= 0.0 {
+                continue;
+            }
+            edges |= 1 << (2 * (j - 1) + bit);
+            let push = -stiffness * residual;
+            out.cost -= 0.5 * push * residual;
+            out.force[0] += push;
+            out.force[j] += sign * push;
+            out.hessian[0] += stiffness;
+            out.hessian[j] += stiffness * sign;
+            out.hessian[j * MAX_ROWS] += stiffness * sign;
+            out.hessian[j * MAX_ROWS + j] += stiffness * sign * sign;
+        }
+    }
+    if edges != 0 {
+        out.zone = Zone::Facet(edges);
+    }
+    out
+}
+
+/// The normal force that each pair of opposing pyramid edges carries: what MuJoCo's noslip pass keeps fixed.
+pub fn pyramid_pairs(jar: &[f64], stiffness: f64, friction: &[f64; 5]) -> [f64; 5] {
+    let mut pairs = [0.0; 5];
+    for j in 1..jar.len() {
+        let mu = friction[j - 1];
+        let push = |sign: f64| stiffness * (-(jar[0] + sign * jar[j])).max(0.0);
+        pairs[j - 1] = push(mu) + push(-mu);
+    }
+    pairs
+}
+
+/// `s(jar) = max_f { -f.jar - sum r_j/2 (f_j - c_j)^2 }` over the ellipsoid, `r_j = kappa / mu_j^2`: in `f_j / mu_j`
+/// the metric is isotropic and the projection radial.
+fn slip_ellipsoid(jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], normal: f64) -> Response {
+    let dim = jar.len();
+    let mut out = Response::open();
+    let mut trial = [0.0; 5];
+    let mut length = 0.0;
+    for j in 0..dim {
+        trial[j] = centre[j] / friction[j] - jar[j] * friction[j] / kappa;
+        length += trial[j] * trial[j];
+    }
+    let length = length.sqrt();
+    let sliding = length > normal;
+    let shrink = if sliding { normal / length } else { 1.0 };
+    for j in 0..dim {
+        out.force[j] = friction[j] * shrink * trial[j];
+        let off = (out.force[j] - centre[j]) / friction[j];
+        out.cost -= out.force[j] * jar[j] + 0.5 * kappa * off * off;
+    }
+    for i in 0..dim {
+        for j in 0..=i {
+            let mut h = if i == j { 1.0 } else { 0.0 };
+            if sliding {
+                h -= trial[i] * trial[j] / (length * length);
+            }
+            h *= shrink * friction[i] * friction[j] / kappa;
+            out.hessian[i * MAX_ROWS + j] = h;
+            out.hessian[j * MAX_ROWS + i] = h;
+        }
+    }
+    out.zone = if sliding { Zone::Slide } else { Zone::Stick };
+    out
+}
+
+fn slip_box(jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], normals: &[f64; 5]) -> Response {
+    let mut out = Response::open();
+    let mut saturated = 0;
+    for j in 0..jar.len() {
+        let resistance = kappa / (friction[j] * friction[j]);
+        let limit = friction[j] * normals[j];
+        let trial = centre[j] - jar[j] / resistance;
+        out.force[j] = trial.clamp(-limit, limit);
+        if trial.abs() < limit {
+            out.hessian[j * MAX_ROWS + j] = 1.0 / resistance;
+        } else {
+            saturated |= 1 << (2 * j + usize::from(trial > 0.0));
+        }
+        let off = out.force[j] - centre[j];
+        out.cost -= out.force[j] * jar[j] + 0.5 * resistance * off * off;
+    }
+    out.zone = Zone::Facet(saturated);
+    out
+}

@@ -1,0 +1,220 @@
+//! The contacts between hand and target, read from the engine's collision stage.
+
+use super::softness::ContactParameters;
+use super::topology::Topology;
+use super::wrench::ContactForce;
+use crate::mujoco::{BodyId, Contact, Simulation};
+use nalgebra::Vector3;
+
+/// One contact between a link of the hand and the target, with the force that it exerts.
+///
+/// Frame: world. Signs: `axes[0]`, the normal, points into the target; forces are those on the target; velocities are
+/// target minus link.
+#[derive(Clone, Debug)]
+pub struct GraspContact {
+    /// Body of the hand.
+    pub link_id: BodyId,
+    /// Index of the link's body.
+    pub link: usize,
+    /// Index of the target's body.
+    pub target: usize,
+    /// The two geoms, in the engine's order.
+    pub geoms: (usize, usize),
+    /// True if the target is the engine's first body of this contact.
+    pub target_first: bool,
+    /// Index in the engine's contact list of this step.
+    pub index: usize,
+    /// Finger that the link belongs to; `None` for the palm.
+    pub finger: Option<usize>,
+    /// Midpoint between the two surfaces [m].
+    pub position: Vector3<f64>,
+    /// Normal into the target, and two tangents.
+    pub axes: [Vector3<f64>; 3],
+    /// Distance, friction and softness.
+    pub parameters: ContactParameters,
+    /// Force of each row: normal, two tangents [N], spin, two rolling [N m].
+    pub force_rows: [f64; 6],
+    /// Force on the target [N].
+    pub force: Vector3<f64>,
+    /// Torque on the target besides that of `force` at `position` [N m].
+    pub torque: Vector3<f64>,
+    /// True while friction is at its limit.
+    pub sliding: bool,
+    /// Tangential velocity of the target relative to the link [m/s].
+    pub slip_velocity: Vector3<f64>,
+    /// Friction force and torque of the same contact in the last step, if it existed.
+    memory: Option<(Vector3<f64>, Vector3<f64>)>,
+}
+
+impl GraspContact {
+    /// Normal force [N], never negative.
+    pub fn normal_force(&self) -> f64 {
+        self.force_rows[0]
+    }
+
+    /// Rows' forces from the world force and torque.
+    fn set_force(&mut self, force: Vector3<f64>, torque: Vector3<f64>) {
+        for (i, axis) in self.axes.iter().enumerate() {
+            self.force_rows[i] = axis.dot(&force);
+            self.force_rows[i + 3] = axis.dot(&torque);
+        }
+        self.force = force;
+        self.torque = torque;
+    }
+
+    /// World force and torque from the rows' forces.
+    pub fn update_force(&mut self) {
+        let [n, t1, t2] = &self.axes;
+        let f = &self.force_rows;
+        self.force = n * f[0] + t1 * f[1] + t2 * f[2];
+        self.torque = n * f[3] + t1 * f[4] + t2 * f[5];
+    }
+
+    /// Last step's friction force in this step's axes; `None` for a new contact.
+    pub fn remembered_friction(&self) -> Option<[f64; 5]> {
+        let (force, torque) = self.memory?;
+        let [n, t1, t2] = &self.axes;
+        Some([force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)])
+    }
+
+    /// The contact as the quality measures take it.
+    pub fn contact_force(&self) -> ContactForce {
+        ContactForce {
+            position: self.position,
+            normal: self.axes[0],
+            tangents: [self.axes[1], self.axes[2]],
+            condim: self.parameters.condim,
+            friction: self.parameters.friction,
+            normal_force: self.normal_force(),
+            force: self.force,
+            torque: self.torque,
+        }
+    }
+
+    fn read(contact: &Contact, index: usize, sim: &Simulation, topology: &Topology) -> Option<GraspContact> {
+        let (b1, b2) = (contact.bodies[0].index(), contact.bodies[1].index());
+        let (link_id, target, sign) = if topology.in_hand(b1) && topology.in_target(b2) {
+            (contact.bodies[0], b2, 1.0)
+        } else if topology.in_hand(b2) && topology.in_target(b1) {
+            (contact.bodies[1], b1, -1.0)
+        } else {
+            return None;
+        };
+        let weights = sim.model().body_invweight0();
+        // turning all three axes when the target comes first keeps the rows of the engine
+        let axis = |i: usize| contact.frame.row(i).transpose() * sign;
+        Some(GraspContact {
+            link_id,
+            link: link_id.index(),
+            target,
+            geoms: (contact.geoms[0].index(), contact.geoms[1].index()),
+            target_first: sign < 0.0,
+            index,
+            finger: topology.finger(link_id.index()),
+            position: contact.position,
+            axes: [axis(0), axis(1), axis(2)],
+            parameters: ContactParameters {
+                solref: contact.solref,
+                solimp: contact.solimp,
+                dist: contact.dist,
+                margin: contact.include_margin,
+                condim: contact.condim,
+                friction: contact.friction,
+                inverse_weight: weights[2 * b1] + weights[2 * b2],
+            },
+            force_rows: [0.0; 6],
+            force: Vector3::zeros(),
+            torque: Vector3::zeros(),
+            sliding: false,
+            slip_velocity: Vector3::zeros(),
+            memory: None,
+        })
+    }
+}
+
+/// The contacts of this step and the memory of the last one's. Buffers are reused.
+#[derive(Clone, Debug, Default)]
+pub struct ContactSet {
+    now: Vec<GraspContact>,
+    before: Vec<GraspContact>,
+}
+
+impl ContactSet {
+    /// Reads the contacts between hand and target after the collision stage. Those that the engine keeps out of its
+    /// solve because they lie within the gap are left out.
+    pub fn read(&mut self, sim: &Simulation, topology: &Topology) {
+        std::mem::swap(&mut self.now, &mut self.before);
+        self.now.clear();
+        for (index, contact) in sim.contacts().enumerate() {
+            if contact.excluded {
+                continue;
+            }
+            if let Some(mut contact) = GraspContact::read(&contact, index, sim, topology) {
+                contact.memory = self.remembered(&contact);
+                self.now.push(contact);
+            }
+        }
+    }
+
+    /// Friction of the nearest contact of the same two geoms in the last step.
+    fn remembered(&self, contact: &GraspContact) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        self.before
+            .iter()
+            .filter(|c| c.geoms == contact.geoms)
+            .min_by(|a, b| {
+                let distance = |c: &GraspContact| (c.position - contact.position).norm_squared();
+                distance(a).total_cmp(&distance(b))
+            })
+            .map(|c| (c.force - c.axes[0] * c.force_rows[0], c.torque))
+    }
+
+    /// Reads the forces that the engine's own solve gave these contacts.
+    pub fn read_forces(&mut self, sim: &Simulation) -> Result<(), crate::mujoco::Error> {
+        for contact in &mut self.now {
+            let on_body2 = sim.contact_force(contact.index)?;
+            let sign = if contact.target_first { -1.0 } else { 1.0 };
+            contact.set_force(on_body2.force * sign, on_body2.torque * sign);
+        }
+        Ok(())
+    }
+
+    /// Relative velocities at the contact points, from the bodies' velocities of this step.
+    pub fn read_slip(&mut self, sim: &Simulation) {
+        for contact in &mut self.now {
+            let velocity = point_velocity(sim, contact.target, &contact.position)
+                - point_velocity(sim, contact.link, &contact.position);
+            let n = &contact.axes[0];
+            contact.slip_velocity = velocity - n * n.dot(&velocity);
+        }
+    }
+
+    /// Forgets the last step.
+    pub fn forget(&mut self) {
+        self.now.clear();
+        self.before.clear();
+    }
+
+    /// The contacts of this step.
+    pub fn contacts(&self) -> &[GraspContact] {
+        &self.now
+    }
+
+    /// The contacts of this step, for the solver.
+    pub fn contacts_mut(&mut self) -> &mut [GraspContact] {
+        &mut self.now
+    }
+
+    /// True if a link on `effectors` touches the target with a force.
+    pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
+        self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
+    }
+}
+
+/// Velocity of the material point of `body` at `point`, world axes [m/s].
+fn point_velocity(sim: &Simulation, body: usize, point: &Vector3<f64>) -> Vector3<f64> {
+    let twist = &sim.cvel()[6 * body..6 * body + 6];
+    let root = sim.model().body_rootid()[body] as usize;
+    let reference = Vector3::from_column_slice(&sim.subtree_com()[3 * root..3 * root + 3]);
+    let (turn, move_) = (Vector3::from_column_slice(&twist[..3]), Vector3::from_column_slice(&twist[3..]));
+    move_ + turn.cross(&(point - reference))
+}

@@ -1,0 +1,60 @@
+//! What can be wrong with a grasp.
+
+use thiserror::Error;
+
+/// Errors of the grasp layer.
+#[derive(Debug, Error)]
+pub enum Error {
+    /// The engine failed or reported a fault.
+    #[error(transparent)]
+    Engine(#[from] crate::mujoco::Error),
+    /// An effector is the target itself.
+    #[error("effector \"{0}\" is the target (or a part of it); effectors are links of the hand that touch the target")]
+    EffectorIsTarget(String),
+    /// The target is a part of the hand's own kinematic tree.
+    #[error("target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint")]
+    TargetInHand {
+        /// Name of the target.
+        target: String,
+        /// Name of the palm.
+        palm: String,
+    },
+    /// The target cannot move.
+    #[error("target \"{0}\" is static: it has no joint, so nothing can hold or drop it; give it a free joint")]
+    StaticTarget(String),
+    /// An effector does not hang from the palm.
+    #[error("effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out")]
+    EffectorOutsideHand {
+        /// Name of the effector.
+        effector: String,
+        /// Name of the palm.
+        palm: String,
+    },
+    /// No link could hold the target.
+    #[error("no effectors: the palm \"{0}\" has no link below it with a geom; name the effectors, or another palm")]
+    NoEffectors(String),
+    /// Neither palm nor effectors are given.
+    #[error("neither a palm nor effectors are given; name at least one of them")]
+    NoHand,
+    /// A threshold that is not a positive number, or not below the other.
+    #[error("{name} is {value} N; {expected}")]
+    Threshold {
+        /// Which threshold.
+        name: &'static str,
+        /// Its value [N].
+        value: f64,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// An integrator whose step cannot be taken apart.
+    #[error("a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step")]
+    Integrator,
+    /// The grasp solve met numbers that are not finite.
+    #[error("the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help")]
+    Diverged {
+        /// Simulated time [s].
+        time: f64,
+        /// Which quantity.
+        what: &'static str,
+    },
+}

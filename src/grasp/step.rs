@@ -1,0 +1,166 @@
+//! One step of a simulation under grasp controllers.
+//!
+//! Contacts leave the engine's solve between its collision stage and its constraint making; the grasp is solved once
+//! the smooth accelerations are known, and its forces take part in the engine's solve of everything else.
+
+use super::controller::{Grasp, Limits};
+use super::dense;
+use super::error::Error;
+use super::phase::Phase;
+use crate::mujoco::{ENABLE_ENERGY, Simulation};
+use std::time::{Duration, Instant};
+
+/// A stopwatch over the parts of a step that exist because of contacts or grasps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StageClock {
+    /// Time of the contact part since the clock was made.
+    pub contact: Duration,
+}
+
+/// Measures contact stages, or nothing at no cost.
+trait Clock {
+    fn contact<T>(&mut self, stage: impl FnOnce() -> T) -> T;
+}
+
+impl Clock for StageClock {
+    fn contact<T>(&mut self, stage: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let out = stage();
+        self.contact += start.elapsed();
+        out
+    }
+}
+
+struct NoClock;
+
+impl Clock for NoClock {
+    #[inline]
+    fn contact<T>(&mut self, stage: impl FnOnce() -> T) -> T {
+        stage()
+    }
+}
+
+/// Advances `sim` by one step under `grasps`: MuJoCo's step, with the contacts of each latched grasp replaced.
+///
+/// # Errors
+/// What the engine reports, or a grasp solve that met numbers that are not finite.
+pub fn step(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+    advance(sim, grasps, &mut NoClock)
+}
+
+/// As [`step`], and adds the time of the contact part (collision, making and projecting constraints, solving, and all
+/// work of the grasps) to `clock`.
+///
+/// # Errors
+/// As [`step`].
+pub fn step_timed(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut StageClock) -> Result<(), Error> {
+    advance(sim, grasps, clock)
+}
+
+/// A step of the engine's own solve, stage by stage, with the contact part timed.
+///
+/// # Errors
+/// What the engine reports.
+pub fn engine_step_timed(sim: &mut Simulation, clock: &mut StageClock) -> Result<(), Error> {
+    advance(sim, &mut [], clock)
+}
+
+fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -> Result<(), Error> {
+    let latched = |g: &Grasp| g.phase() == Phase::Grasped;
+    sim.check_pos()?;
+    sim.check_vel()?;
+    sim.kinematics()?;
+    sim.inertia()?;
+    clock.contact(|| -> Result<(), Error> {
+        sim.collision()?;
+        for grasp in grasps.iter_mut().filter(|g| latched(g)) {
+            grasp.take_contacts(sim)?;
+        }
+        sim.make_constraint()?;
+        Ok(())
+    })?;
+    sim.transmission()?;
+    clock.contact(|| sim.project_constraint())?;
+    sim.sensor_pos()?;
+    let energy = sim.model().enable_flags() & ENABLE_ENERGY != 0;
+    if energy {
+        sim.energy_pos()?;
+    }
+    sim.velocity()?;
+    sim.sensor_vel()?;
+    if energy {
+        sim.energy_vel()?;
+    }
+    sim.actuation()?;
+    sim.acceleration()?;
+    clock.contact(|| solve(sim, grasps))?;
+    sim.sensor_acc()?;
+    sim.check_acc()?;
+    clock.contact(|| -> Result<(), Error> {
+        for grasp in grasps.iter_mut() {
+            match grasp.phase() {
+                Phase::Grasped => grasp.observe_grasped(sim),
+                Phase::Ungrasped => grasp.observe_ungrasped(sim)?,
+            }
+        }
+        Ok(())
+    })?;
+    sim.integrate()?;
+    Ok(())
+}
+
+/// The grasp forces join the smooth forces for the engine's solve and are counted as constraint forces after it, as the
+/// contacts that they stand for would be.
+fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+    let Some(first) = grasps.iter().position(|g| g.phase() == Phase::Grasped) else {
+        return Ok(sim.constraint()?);
+    };
+    let mut force = grasps[first].borrow_force(sim.model().nv());
+    for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
+        match grasp.limits() {
+            Limits::Cones => grasp.solve_cones(sim, &mut force.generalised)?,
+            Limits::Box | Limits::Rigid => {}
+        }
+    }
+    force.apply(sim)?;
+    sim.constraint()?;
+    force.count_as_constraint(sim);
+    grasps[first].return_force(force);
+    Ok(())
+}
+
+/// The generalised force of all latched grasps, and what it replaces for the time of the engine's solve.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GraspForce {
+    generalised: Vec<f64>,
+    acceleration: Vec<f64>,
+    smooth_force: Vec<f64>,
+    smooth_acceleration: Vec<f64>,
+}
+
+impl GraspForce {
+    /// Zero, of `nv` entries; the memory is kept.
+    pub(super) fn cleared(mut self, nv: usize) -> Self {
+        self.generalised.clear();
+        self.generalised.resize(nv, 0.0);
+        self
+    }
+
+    fn apply(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        self.acceleration.clone_from(&self.generalised);
+        sim.solve_mass(&mut self.acceleration)?;
+        self.smooth_force.clear();
+        self.smooth_force.extend_from_slice(sim.qfrc_smooth());
+        self.smooth_acceleration.clear();
+        self.smooth_acceleration.extend_from_slice(sim.qacc_smooth());
+        dense::axpy(1.0, &self.generalised, sim.qfrc_smooth_mut());
+        dense::axpy(1.0, &self.acceleration, sim.qacc_smooth_mut());
+        Ok(())
+    }
+
+    fn count_as_constraint(&self, sim: &mut Simulation) {
+        sim.qfrc_smooth_mut().copy_from_slice(&self.smooth_force);
+        sim.qacc_smooth_mut().copy_from_slice(&self.smooth_acceleration);
+        dense::axpy(1.0, &self.generalised, sim.qfrc_constraint_mut());
+    }
+}

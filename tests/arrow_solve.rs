@@ -1,0 +1,176 @@
+//! The six-unknown solve (fingers eliminated) against a general conic solver on the whole problem.
+
+#[path = "common/oracle.rs"]
+mod oracle;
+
+use clarabel::solver::SupportedConeT;
+use mujoco_grasp::grasp::arrow::Arrow;
+use mujoco_grasp::grasp::cone::{Bound, Law};
+use nalgebra::{DMatrix, DVector};
+use proptest::prelude::*;
+use proptest::test_runner::TestRng;
+
+struct Contact {
+    finger: Option<usize>,
+    law: Law,
+    /// rows x all unknowns; the finger's and the root's columns only are filled
+    rows: DMatrix<f64>,
+    bias: Vec<f64>,
+}
+
+struct Problem {
+    root: usize,
+    fingers: Vec<usize>,
+    contacts: Vec<Contact>,
+}
+
+fn uniform(rng: &mut TestRng, low: f64, high: f64) -> f64 {
+    low + (high - low) * (rng.next_u32() as f64 / u32::MAX as f64)
+}
+
+fn random_problem(seed: u64, slip: bool) -> Problem {
+    let mut bytes = [7u8; 32];
+    bytes[..8].copy_from_slice(&seed.to_le_bytes());
+    let mut rng = TestRng::from_seed(prop::test_runner::RngAlgorithm::ChaCha, &bytes);
+    let root = 6 + (seed % 4) as usize;
+    let fingers: Vec<usize> = (0..5).map(|i| 1 + (seed as usize + i) % 4).collect();
+    let size = root + fingers.iter().sum::<usize>();
+    let mut contacts = Vec::new();
+    // finger 2 has two contacts, finger 4 none, and one contact is the palm's
+    for finger in [None, Some(0), Some(1), Some(2), Some(2), Some(3)] {
+        let condim = [3, 4, 6, 1][(rng.next_u32() % 4) as usize];
+        let condim = if slip && condim == 1 { 3 } else { condim };
+        let start = finger.map(|f: usize| root + fingers[..f].iter().sum::<usize>());
+        let mut rows = DMatrix::zeros(condim, size);
+        for i in 0..condim {
+            for j in 0..root {
+                rows[(i, j)] = uniform(&mut rng, -2.0, 2.0);
+            }
+            if let (Some(f), Some(start)) = (finger, start) {
+                for j in 0..fingers[f] {
+                    rows[(i, start + j)] = uniform(&mut rng, -6.0, 6.0);
+                }
+            }
+        }
+        let bias: Vec<f64> = (0..condim).map(|i| uniform(&mut rng, -8.0, if i == 0 { 3.0 } else { 8.0 })).collect();
+        let friction = [0.8, 0.8, 0.5, 0.4, 0.4];
+        let law = if slip {
+            let normal = uniform(&mut rng, 0.2, 2.0);
+            let centre = [0.2 * normal, -0.3 * normal, 0.0, 0.0, 0.0];
+            Law::Slip { centre, resistance: 0.2, friction, bound: Bound::Ellipsoid(normal) }
+        } else if condim == 1 {
+            Law::Unilateral { stiffness: 0.5 }
+        } else if rng.next_u32() % 3 == 0 {
+            Law::Pyramidal { stiffness: 0.5, friction }
+        } else {
+            Law::Elliptic { stiffness: 0.5, cone: 0.8, friction }
+        };
+        contacts.push(Contact { finger, law, rows, bias });
+    }
+    Problem { root, fingers, contacts }
+}
+
+/// Unknown motion by the arrow solve from the start `z`.
+fn ours(problem: &Problem, z: &mut [f64]) -> bool {
+    let mut arrow = Arrow::default();
+    arrow.begin(problem.root);
+    let add = |arrow: &mut Arrow, finger: Option<usize>, start: usize, dim: usize| {
+        for c in problem.contacts.iter().filter(|c| c.finger == finger) {
+            let out = arrow.add_block(c.bias.len(), c.law);
+            for i in 0..c.bias.len() {
+                out.bias[i] = c.bias[i];
+                for j in 0..problem.root {
+                    out.root[i * problem.root + j] = c.rows[(i, j)];
+                }
+                for j in 0..dim {
+                    out.finger[i * dim + j] = c.rows[(i, start + j)];
+                }
+            }
+        }
+    };
+    add(&mut arrow, None, 0, 0);
+    for (f, &dim) in problem.fingers.iter().enumerate() {
+        let start = arrow.begin_branch(dim);
+        add(&mut arrow, Some(f), start, dim);
+    }
+    assert_eq!(arrow.size(), z.len());
+    arrow.solve(None, z).converged
+}
+
+/// The same by Clarabel, in the contact forces of all contacts at once: `z = sum Y_i' f_i`.
+fn oracle(problem: &Problem) -> DVector<f64> {
+    let duals: Vec<_> = problem
+        .contacts
+        .iter()
+        .map(|c| {
+            let first = usize::from(matches!(c.law, Law::Slip { .. }));
+            let rows = c.rows.rows(first, c.rows.nrows() - first).into_owned();
+            (oracle::dual(&c.law, rows.nrows()), rows, DVector::from_column_slice(&c.bias[first..]))
+        })
+        .collect();
+    let variables: usize = duals.iter().map(|(d, _, _)| d.regularisation.len()).sum();
+    let constraints: usize = duals.iter().map(|(d, _, _)| d.b.len()).sum();
+    let size = problem.contacts[0].rows.ncols();
+    let mut to_z = DMatrix::zeros(size, variables);
+    let mut q = DVector::zeros(variables);
+    let mut p = DMatrix::zeros(variables, variables);
+    let mut a = DMatrix::zeros(constraints, variables);
+    let mut b = DVector::zeros(constraints);
+    let mut cones: Vec<SupportedConeT<f64>> = Vec::new();
+    let (mut x0, mut c0) = (0, 0);
+    for (d, rows, bias) in &duals {
+        let n = d.regularisation.len();
+        to_z.columns_mut(x0, n).copy_from(&(rows.transpose() * &d.to_rows));
+        q.rows_mut(x0, n).copy_from(&(d.to_rows.transpose() * bias - DVector::from_column_slice(&d.shift)));
+        for i in 0..n {
+            p[(x0 + i, x0 + i)] = d.regularisation[i];
+        }
+        a.view_mut((c0, x0), d.a.shape()).copy_from(&d.a);
+        b.rows_mut(c0, d.b.len()).copy_from(&d.b);
+        cones.extend(d.cones.iter().cloned());
+        x0 += n;
+        c0 += d.b.len();
+    }
+    p += to_z.transpose() * &to_z;
+    &to_z * oracle::conic(&p, &q, &a, &b, &cones)
+}
+
+/// What is minimised, from its definition.
+fn cost(problem: &Problem, z: &DVector<f64>) -> f64 {
+    let contact = |c: &Contact| {
+        let first = usize::from(matches!(c.law, Law::Slip { .. }));
+        let jar = DVector::from_column_slice(&c.bias) + &c.rows * z;
+        c.law.respond(&jar.as_slice()[first..]).cost
+    };
+    0.5 * z.norm_squared() + problem.contacts.iter().map(contact).sum::<f64>()
+}
+
+fn compare(slip: bool) {
+    for seed in 0..200 {
+        let problem = random_problem(seed, slip);
+        let size = problem.contacts[0].rows.ncols();
+        let mut cold = vec![0.0; size];
+        assert!(ours(&problem, &mut cold), "seed {seed} did not converge");
+        let expected = oracle(&problem);
+        let cold = DVector::from_vec(cold);
+        // strongly convex: a cost no higher than the oracle's means a point no farther from the minimum
+        let (mine, theirs) = (cost(&problem, &cold), cost(&problem, &expected));
+        assert!(mine <= theirs + 1e-9 * theirs.abs(), "seed {seed}: {mine} above {theirs}");
+        assert!((&cold - &expected).norm() < 0.03 * expected.norm().max(1.0), "seed {seed}: another problem");
+        // the minimum is one: another start ends in the same point
+        let mut far: Vec<f64> = (0..size).map(|i| 5.0 * (i as f64).sin()).collect();
+        assert!(ours(&problem, &mut far));
+        let error = (&cold - DVector::from_vec(far)).norm() / expected.norm().max(1.0);
+        assert!(error < 1e-7, "seed {seed}: starts differ by {error}");
+    }
+}
+
+#[test]
+fn soft_contacts_match_a_general_solver() {
+    compare(false);
+}
+
+#[test]
+fn friction_pass_matches_a_general_solver() {
+    compare(true);
+}
