@@ -13,6 +13,7 @@ pub mod file;
 pub mod measure;
 pub mod onset;
 pub mod outcome;
+mod pin;
 pub mod plan;
 pub mod run;
 pub mod runner;

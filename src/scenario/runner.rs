@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::control::Schedule;
 use super::error::Error;
+use super::pin::Pin;
 use super::plan::{Plan, Push};
 use super::tracker::{Tracker, pose};
 use super::trajectory::{Sample, Trajectory};
@@ -52,14 +53,6 @@ pub struct Runner {
     watch: Watch,
 }
 
-/// A joint of a target (or of what carries it), held at its starting position.
-#[derive(Clone, Debug)]
-struct Pin {
-    first_q: usize,
-    position: Vec<f64>,
-    first_v: usize,
-    dofs: usize,
-}
 
 /// What is recorded of the grasp that the run is about.
 #[derive(Clone, Debug)]
@@ -100,7 +93,8 @@ impl Runner {
             trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
             grasps.push(grasp);
         }
-        let pins = if plan.timeline.pin_until > 0.0 { pins(&sim, &grasps) } else { Vec::new() };
+        let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
+        let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
         let watched = push.map_or(0, |p| p.grasp);
         Ok(Self {
             mode,
@@ -206,7 +200,9 @@ impl Runner {
         let (time, half) = (self.time(), 0.5 * self.timestep);
         let pinned = time < self.pin_until - half;
         if pinned {
-            self.pin();
+            self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));
+        } else {
+            self.pins.drain(..).for_each(|pin| pin.let_go(&mut self.sim));
         }
         self.control(time)?;
         self.apply_push(time);
@@ -239,13 +235,6 @@ impl Runner {
     /// Normal force of each link in the last step \[N\].
     pub fn normal_forces(&self) -> &[f64] {
         &self.watch.normal_forces
-    }
-
-    fn pin(&mut self) {
-        for pin in &self.pins {
-            self.sim.qpos_mut()[pin.first_q..pin.first_q + pin.position.len()].copy_from_slice(&pin.position);
-            self.sim.qvel_mut()[pin.first_v..pin.first_v + pin.dofs].fill(0.0);
-        }
     }
 
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
@@ -283,29 +272,6 @@ impl Runner {
             }
         }
     }
-}
-
-/// The joints between the targets and the world, at their present positions.
-fn pins(sim: &Simulation, grasps: &[Grasp]) -> Vec<Pin> {
-    let model = sim.model();
-    let mut pins: Vec<Pin> = Vec::new();
-    for grasp in grasps {
-        let mut body = grasp.target().index();
-        while body != 0 {
-            let (joint, count) = (model.body_jntadr()[body], model.body_jntnum()[body]);
-            for j in (joint.max(0) as usize..).take(count as usize) {
-                // mjtJoint: free, ball, slide, hinge
-                let (nq, nv) = [(7, 6), (4, 3), (1, 1), (1, 1)][model.jnt_type()[j] as usize & 3];
-                let first_q = model.jnt_qposadr()[j] as usize;
-                if pins.iter().all(|p| p.first_q != first_q) {
-                    let position = sim.qpos()[first_q..first_q + nq].to_vec();
-                    pins.push(Pin { first_q, position, first_v: model.jnt_dofadr()[j] as usize, dofs: nv });
-                }
-            }
-            body = model.body_parentid()[body] as usize;
-        }
-    }
-    pins
 }
 
 /// What a sample needs besides the state.
