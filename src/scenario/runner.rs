@@ -218,7 +218,7 @@ impl Runner {
         let step_ns = clock.elapsed().as_nanos() as u64;
         if self.mode == Mode::Full {
             for grasp in &mut self.grasps {
-                grasp.monitor(&self.sim);
+                grasp.monitor(&self.sim)?;
             }
         }
         self.grasps[self.watch.grasp].read_slip(&self.sim);
