@@ -22,6 +22,8 @@ const TOLERANCE: f64 = 1e-7;
 const SMALLEST_STEP: f64 = 1e-9;
 /// Largest change of a joint in one iteration \[rad or m\]: the linearization holds for no more.
 const LARGEST_STEP: f64 = 0.3;
+/// An accepted step that lowers the cost by less than this share ends a solve: the goals are out of reach.
+const SMALLEST_GAIN: f64 = 1e-6;
 /// Iterations of one solve.
 const ITERATIONS: usize = 40;
 /// lambda^2 over the mean diagonal of J^T J, to begin with.
@@ -228,7 +230,11 @@ impl Group {
             let new_cost = self.measure(palm, goals);
             if new_cost < cost {
                 std::mem::swap(&mut self.q, &mut self.trial);
+                let gain = cost - new_cost;
                 cost = new_cost;
+                if gain < SMALLEST_GAIN * cost {
+                    break;
+                }
                 damping = (0.2 * damping).max(DAMPING_RANGE.0);
             } else {
                 damping *= 10.0;

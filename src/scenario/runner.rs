@@ -114,9 +114,10 @@ impl Runner {
         })
     }
 
-    /// Time of the next step, from the start of the scenario \[s\].
+    /// Time of the next step, from the start of the scenario \[s\], rounded to the nanosecond: k * h is no round number in
+    /// binary, and is read by people.
     pub fn time(&self) -> f64 {
-        self.steps as f64 * self.timestep
+        (self.steps as f64 * self.timestep * 1e9).round() / 1e9
     }
 
     /// Steps of the whole run: one for each multiple of the time step from 0 to the duration.

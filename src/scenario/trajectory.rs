@@ -101,10 +101,8 @@ impl Trajectory {
         for (index, s) in self.samples.iter().enumerate() {
             let (p, q) = (s.position, s.rotation);
             let phase = u8::from(s.grasped);
-            // Rounded to the nanosecond: k * h is not a round number in binary.
-            let time = (s.time * 1e9).round() / 1e9;
             writer.serialize((
-                (time, p.x, p.y, p.z, q.w, q.i, q.j, q.k, phase, s.quality),
+                (s.time, p.x, p.y, p.z, q.w, q.i, q.j, q.k, phase, s.quality),
                 self.normal_forces(index),
             ))?;
         }

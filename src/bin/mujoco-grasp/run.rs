@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use mujoco_grasp::grasp::Limits;
 use mujoco_grasp::mujoco;
+use mujoco_grasp::scenario::Error;
 use mujoco_grasp::scenario::onset::{full_at_measure, onset};
 use mujoco_grasp::scenario::outcome::Outcome;
 use mujoco_grasp::scenario::plan::Plan;
@@ -36,8 +37,8 @@ pub struct Args {
     #[arg(long, value_enum)]
     limits: Option<LimitsArg>,
     /// Noslip iterations of full mode, instead of the model's.
-    #[arg(long, value_name = "N")]
-    noslip: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
+    noslip: Option<u16>,
     /// Multiplies every push.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
     scale_push: f64,
@@ -100,7 +101,7 @@ struct Report<'a> {
 
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let options = Options { noslip: args.noslip };
+    let options = Options { noslip: args.noslip.map(usize::from) };
     let mut plan = Plan::load(&args.scenario)?.scale_pushes(args.scale_push)?;
     if let Some(limits) = args.limits {
         plan = plan.with_limits(limits.limits());
@@ -141,6 +142,10 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
 
 /// Multiplies the selected pushes so that each is `share` of the smallest that full mode does not hold.
 fn scale_to_onset(mut plan: Plan, share: f64, selection: &str, options: Options) -> anyhow::Result<Plan> {
+    if !share.is_finite() {
+        let (option, value, expected) = ("--at-onset", share.to_string(), "it must be a finite number");
+        return Err(Error::Option { option, value, expected }.into());
+    }
     let selected: Vec<String> =
         plan.select_pushes(selection)?.into_iter().flatten().map(|p| p.name.clone()).collect();
     let start = full_at_measure(&plan, options)?;
