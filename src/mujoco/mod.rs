@@ -9,6 +9,7 @@
 mod arrays;
 mod arrow;
 mod camera;
+mod collider;
 mod compat;
 mod compiled;
 mod contact;
@@ -20,9 +21,11 @@ mod guard;
 mod ids;
 mod jacobian;
 mod kinds;
+mod mixing;
 mod model;
 mod model_arrays;
 mod options;
+mod pairs;
 mod poses;
 mod render;
 pub mod rows;
@@ -34,6 +37,7 @@ mod warnings;
 
 pub use arrow::Arrow;
 pub use camera::Camera;
+pub use collider::PairCollider;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};
