@@ -9,6 +9,7 @@
 mod arrays;
 mod arrow;
 mod camera;
+mod clearance;
 mod collider;
 mod compat;
 mod compiled;
@@ -27,8 +28,11 @@ mod model_arrays;
 mod options;
 mod pairs;
 mod poses;
+mod proximity;
 mod render;
 pub mod rows;
+mod separation;
+mod shape;
 mod simulation;
 pub mod stages;
 mod state;
@@ -37,6 +41,7 @@ mod warnings;
 
 pub use arrow::Arrow;
 pub use camera::Camera;
+pub use clearance::Clearance;
 pub use collider::PairCollider;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};

@@ -16,7 +16,7 @@ pub(super) fn narrow_phase(kinds: [i32; 2]) -> ffi::mjfCollision {
 }
 
 /// Two geoms that collision detection tests against each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct TestedPair {
     /// In the engine's order: the smaller type number first.
     pub geoms: [usize; 2],
