@@ -51,6 +51,12 @@ enum Bound {
     Nothing,
 }
 
+impl std::fmt::Debug for PairCollider {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PairCollider").field("pairs", &self.pairs.len()).finish_non_exhaustive()
+    }
+}
+
 impl PairCollider {
     /// For all pairs of a geom of `first` and a geom of `second` that collision detection tests. Geoms that the engine
     /// does not collide (contype and conaffinity, welded bodies, parent and child, `<exclude>`) give no pair.
