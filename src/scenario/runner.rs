@@ -2,10 +2,12 @@
 
 use std::time::Instant;
 
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::control::Schedule;
 use super::error::Error;
+use super::pin::Pin;
 use super::plan::{Plan, Push};
 use super::tracker::{Tracker, pose};
 use super::trajectory::{Sample, Trajectory};
@@ -51,14 +53,6 @@ pub struct Runner {
     watch: Watch,
 }
 
-/// A joint of a target (or of what carries it), held at its starting position.
-#[derive(Clone, Debug)]
-struct Pin {
-    first_q: usize,
-    position: Vec<f64>,
-    first_v: usize,
-    dofs: usize,
-}
 
 /// What is recorded of the grasp that the run is about.
 #[derive(Clone, Debug)]
@@ -71,8 +65,10 @@ struct Watch {
     /// Body -> index among the links.
     link_of: Vec<Option<usize>>,
     normal_forces: Vec<f64>,
-    speeds: Vec<f64>,
-    slip: Vec<f64>,
+    /// Fastest slip of each link's contacts in this step, in the palm's axes \[m/s\].
+    velocities: Vec<Vector3<f64>>,
+    /// Slip of each link since `measure_from`, in the palm's axes \[m\].
+    slip: Vec<Vector3<f64>>,
 }
 
 impl Runner {
@@ -97,7 +93,8 @@ impl Runner {
             trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
             grasps.push(grasp);
         }
-        let pins = if plan.timeline.pin_until > 0.0 { pins(&sim, &grasps) } else { Vec::new() };
+        let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
+        let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
         let watched = push.map_or(0, |p| p.grasp);
         Ok(Self {
             mode,
@@ -130,6 +127,19 @@ impl Runner {
     /// Whether the run is over.
     pub fn is_over(&self) -> bool {
         self.steps >= self.total_steps()
+    }
+
+    /// How contacts are simulated.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Pushes in another way, or not at all, from now on.
+    pub fn set_push(&mut self, push: Option<&Push>) {
+        if let Some(old) = &self.push {
+            self.sim.xfrc_applied_mut()[6 * old.body.index()..6 * old.body.index() + 6].fill(0.0);
+        }
+        self.push = push.cloned();
     }
 
     /// The simulation.
@@ -190,7 +200,9 @@ impl Runner {
         let (time, half) = (self.time(), 0.5 * self.timestep);
         let pinned = time < self.pin_until - half;
         if pinned {
-            self.pin();
+            self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));
+        } else {
+            self.pins.drain(..).for_each(|pin| pin.let_go(&mut self.sim));
         }
         self.control(time)?;
         self.apply_push(time);
@@ -223,13 +235,6 @@ impl Runner {
     /// Normal force of each link in the last step \[N\].
     pub fn normal_forces(&self) -> &[f64] {
         &self.watch.normal_forces
-    }
-
-    fn pin(&mut self) {
-        for pin in &self.pins {
-            self.sim.qpos_mut()[pin.first_q..pin.first_q + pin.position.len()].copy_from_slice(&pin.position);
-            self.sim.qvel_mut()[pin.first_v..pin.first_v + pin.dofs].fill(0.0);
-        }
     }
 
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
@@ -269,29 +274,6 @@ impl Runner {
     }
 }
 
-/// The joints between the targets and the world, at their present positions.
-fn pins(sim: &Simulation, grasps: &[Grasp]) -> Vec<Pin> {
-    let model = sim.model();
-    let mut pins: Vec<Pin> = Vec::new();
-    for grasp in grasps {
-        let mut body = grasp.target().index();
-        while body != 0 {
-            let (joint, count) = (model.body_jntadr()[body], model.body_jntnum()[body]);
-            for j in (joint.max(0) as usize..).take(count as usize) {
-                // mjtJoint: free, ball, slide, hinge
-                let (nq, nv) = [(7, 6), (4, 3), (1, 1), (1, 1)][model.jnt_type()[j] as usize & 3];
-                let first_q = model.jnt_qposadr()[j] as usize;
-                if pins.iter().all(|p| p.first_q != first_q) {
-                    let position = sim.qpos()[first_q..first_q + nq].to_vec();
-                    pins.push(Pin { first_q, position, first_v: model.jnt_dofadr()[j] as usize, dofs: nv });
-                }
-            }
-            body = model.body_parentid()[body] as usize;
-        }
-    }
-    pins
-}
-
 /// What a sample needs besides the state.
 struct Now {
     time: f64,
@@ -328,22 +310,25 @@ impl Watch {
             link_of[link.index()] = Some(i);
         }
         let n = grasp.links().len();
-        let (normal_forces, speeds, slip) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, speeds, slip }
+        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
+        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, velocities, slip }
     }
 
     fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
+        let palm = pose(sim, self.palm);
         self.normal_forces.fill(0.0);
-        self.speeds.fill(0.0);
+        self.velocities.fill(Vector3::zeros());
         for contact in grasp.contacts() {
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
-                self.speeds[link] = self.speeds[link].max(contact.slip_velocity.norm());
+                if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
+                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
+                }
             }
         }
         if let Some(step) = at.slipping {
-            for (slip, speed) in self.slip.iter_mut().zip(&self.speeds) {
-                *slip += speed * step;
+            for (slip, velocity) in self.slip.iter_mut().zip(&self.velocities) {
+                *slip += velocity * step;
             }
         }
         let (mut touching, mut penetration) = (false, 0.0_f64);
@@ -355,7 +340,7 @@ impl Watch {
                 penetration = penetration.max(-contact.dist);
             }
         }
-        let target = pose(sim, self.palm).inv_mul(&pose(sim, self.target));
+        let target = palm.inv_mul(&pose(sim, self.target));
         Sample {
             time: at.time,
             position: target.translation.vector,
@@ -364,7 +349,7 @@ impl Watch {
             quality: grasp.quality(),
             touching,
             penetration,
-            slip: self.slip.iter().copied().fold(0.0, f64::max),
+            slip: self.slip.iter().map(|s| s.norm()).fold(0.0, f64::max),
             step_ns: at.step_ns,
         }
     }

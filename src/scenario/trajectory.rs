@@ -25,7 +25,8 @@ pub struct Sample {
     pub touching: bool,
     /// Largest -dist between hand and target \[m\], 0 without contact.
     pub penetration: f64,
-    /// Largest slip that any link has accumulated since `measure_from` \[m\].
+    /// Largest slip that any link has accumulated since `measure_from` \[m\]: the length of the integral of the tangential
+    /// velocity of the target relative to the link, so that what slides back is not counted twice.
     pub slip: f64,
     /// Wall-clock time of the step \[ns\].
     pub step_ns: u64,

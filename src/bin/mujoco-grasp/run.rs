@@ -7,10 +7,12 @@ use anyhow::Context;
 use clap::ValueEnum;
 use mujoco_grasp::grasp::Limits;
 use mujoco_grasp::mujoco;
+use mujoco_grasp::scenario::onset::{full_at_measure, onset};
 use mujoco_grasp::scenario::outcome::Outcome;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::{Mode, Runner};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::output::{FAILURE, Output, complain, number, table};
@@ -39,6 +41,9 @@ pub struct Args {
     /// Multiplies every push.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
     scale_push: f64,
+    /// Scales each push to this share of the smallest that full mode does not hold (found by bisection).
+    #[arg(long, value_name = "X", conflicts_with = "scale_push")]
+    at_onset: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -95,9 +100,13 @@ struct Report<'a> {
 
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
+    let options = Options { noslip: args.noslip };
     let mut plan = Plan::load(&args.scenario)?.scale_pushes(args.scale_push)?;
     if let Some(limits) = args.limits {
         plan = plan.with_limits(limits.limits());
+    }
+    if let Some(share) = args.at_onset {
+        plan = scale_to_onset(plan, share, &args.push, options)?;
     }
     let pushes = plan.select_pushes(&args.push)?;
     let modes = args.mode.modes();
@@ -108,7 +117,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
 
     let progress = Progress::new(steps * (modes.len() * pushes.len()) as u64, "simulating");
     let observer = Observer { steps: &|n| progress.advance(n), finished: &|run: &Run| run.write_csv(&out).map(drop) };
-    let pairs = run_all(&plan, modes, &pushes, Options { noslip: args.noslip }, &observer);
+    let pairs = run_all(&plan, modes, &pushes, options, &observer);
     progress.finish();
     let pairs = pairs?;
 
@@ -128,6 +137,28 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     };
     output.write(&report, || text(&report, &out))?;
     Ok(if failed { ExitCode::from(FAILURE) } else { ExitCode::SUCCESS })
+}
+
+/// Multiplies the selected pushes so that each is `share` of the smallest that full mode does not hold.
+fn scale_to_onset(mut plan: Plan, share: f64, selection: &str, options: Options) -> anyhow::Result<Plan> {
+    let selected: Vec<String> =
+        plan.select_pushes(selection)?.into_iter().flatten().map(|p| p.name.clone()).collect();
+    let start = full_at_measure(&plan, options)?;
+    let factors: Vec<Option<f64>> = plan
+        .pushes
+        .par_iter()
+        .map_with(start, |start, p| selected.contains(&p.name).then(|| onset(start, &plan, p)).flatten())
+        .collect();
+    for (push, factor) in plan.pushes.iter_mut().zip(factors) {
+        match factor {
+            Some(factor) => *push = push.scaled(share * factor),
+            None if selected.contains(&push.name) => {
+                complain("warning", &format!("push {}: no size of it is found that is not held; left as it is", push.name));
+            }
+            None => {}
+        }
+    }
+    Ok(plan)
 }
 
 /// Says what the numbers do not show.
