@@ -102,3 +102,8 @@ pub mod kinematics;
 pub mod mujoco;
 pub mod report;
 pub mod scenario;
+
+/// The README's Rust runs as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
