@@ -254,3 +254,52 @@ impl Chain {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mujoco::Model;
+
+    /// A hinge, a slide and a hinge whose anchors and axes are in no special place.
+    const XML: &str = r#"<mujoco><compiler angle="radian"/><worldbody><body name="palm" euler="1 2 3">
+        <geom size="0.01"/>
+        <body name="a" pos="0.1 0.2 0.3" euler="0.3 0.2 0.1">
+          <joint name="h1" axis="1 2 3" pos="0.01 0.02 -0.03" ref="0.2"/>
+          <joint name="s" type="slide" axis="-1 1 0.5"/><geom size="0.01"/>
+          <body name="b" pos="0 0.1 0.05"><joint name="h2" axis="0 1 -1" pos="0 0.03 0"/><geom size="0.01"/>
+            <site name="tip" pos="0.05 0.02 0.1"/></body></body></body></worldbody></mujoco>"#;
+
+    #[test]
+    fn jacobian_is_the_derivative_of_the_point() {
+        let sim = Simulation::new(&Model::from_xml_string(XML).unwrap()).unwrap();
+        let model = sim.model();
+        let (palm, tip) = (model.body("palm").unwrap(), model.site("tip").unwrap());
+        let joints: Vec<JointId> = model.joints().collect();
+        let mut chain = Chain::new(&sim, palm, &[tip], &joints).unwrap();
+        assert_eq!(chain.path(0), [0, 1, 2]);
+        let q = [0.7, -0.1, 0.4];
+        chain.forward(&q);
+        let columns: Vec<Vector3<f64>> = (0..3).map(|j| chain.column(0, j)).collect();
+        let eps = 1e-6;
+        for (j, column) in columns.iter().enumerate() {
+            let mut at = |by: f64| {
+                let mut moved = q;
+                moved[j] += by;
+                chain.forward(&moved);
+                chain.point(0)
+            };
+            let difference = (at(eps) - at(-eps)) / (2.0 * eps);
+            assert!((difference - column).norm() < 1e-9, "joint {j}: {difference} and {column}");
+        }
+    }
+
+    #[test]
+    fn joints_that_may_not_move_are_in_no_path() {
+        let sim = Simulation::new(&Model::from_xml_string(XML).unwrap()).unwrap();
+        let model = sim.model();
+        let (palm, tip) = (model.body("palm").unwrap(), model.site("tip").unwrap());
+        let chain = Chain::new(&sim, palm, &[tip], &[model.joint("h2").unwrap()]).unwrap();
+        assert_eq!(chain.path(0), [2]);
+        assert_eq!(chain.joints.len(), 3);
+    }
+}
