@@ -1,8 +1,8 @@
-//! The parts of a grasped step: contact laws, the arrow-shaped solve, the quality.
+//! The parts of a grasped step: contact laws, the arrow-shaped solve (with filling in its rows), the quality.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use mujoco_grasp::grasp::arrow::Arrow;
-use mujoco_grasp::grasp::cone::{Bound, Law};
+use mujoco_grasp::grasp::arrow::{Arrow, ROOT, RootVector};
+use mujoco_grasp::grasp::cone::{Bound, Law, MAX_ROWS, Zone};
 use mujoco_grasp::grasp::gram::Gram;
 use mujoco_grasp::grasp::wrench::ContactForce;
 use nalgebra::Vector3;
@@ -12,8 +12,6 @@ use std::time::Duration;
 const FRICTION: [f64; 5] = [0.8, 0.8, 0.01, 0.001, 0.001];
 const FINGERS: usize = 5;
 const JOINTS: usize = 4;
-/// The target's six and one of the wrist.
-const ROOT: usize = 7;
 
 fn laws(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("law");
@@ -41,52 +39,73 @@ fn laws(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A five-fingered grasp with one contact on each finger and rows of the size that a hand's have.
-fn fill(arrow: &mut Arrow, condim: usize, law: Law) {
-    arrow.begin(ROOT);
+/// The rows of one contact on each of five fingers, of the size that a hand's have.
+struct Rows {
+    root: Vec<RootVector>,
+    bias: Vec<f64>,
+    /// Mobility that a finger's joints give its rows, row-major.
+    mobility: Vec<f64>,
+}
+
+fn rows(condim: usize) -> Vec<Rows> {
     let mut phase = 0.0_f64;
     let mut wave = |size: f64| {
         phase += 1.7;
         size * phase.sin()
     };
-    for _ in 0..FINGERS {
-        arrow.begin_branch(JOINTS);
-        let rows = arrow.add_block(condim, law);
-        rows.finger.iter_mut().for_each(|x| *x = wave(6.0));
-        rows.root.iter_mut().for_each(|x| *x = wave(2.0));
-        for (i, x) in rows.bias.iter_mut().enumerate() {
-            *x = wave(2.0) - if i == 0 { 6.0 } else { 0.0 };
-        }
+    (0..FINGERS)
+        .map(|_| {
+            let joints: Vec<[f64; JOINTS]> = (0..condim).map(|_| std::array::from_fn(|_| wave(6.0))).collect();
+            let dot = |i: usize, j: usize| (0..JOINTS).map(|k| joints[i][k] * joints[j][k]).sum();
+            Rows {
+                mobility: (0..condim * condim).map(|ij| dot(ij / condim, ij % condim)).collect(),
+                root: (0..condim).map(|_| std::array::from_fn(|_| wave(2.0))).collect(),
+                bias: (0..condim).map(|i| wave(2.0) - if i == 0 { 6.0 } else { 0.0 }).collect(),
+            }
+        })
+        .collect()
+}
+
+/// The problem, each contact starting at its force and in its zone of `from`.
+fn fill(arrow: &mut Arrow, rows: &[Rows], law: Law, from: &[(Zone, [f64; MAX_ROWS])]) {
+    arrow.begin();
+    for (finger, (zone, force)) in rows.iter().zip(from) {
+        let m = finger.bias.len();
+        arrow.begin_branch();
+        arrow.add_block(law, *zone, &finger.root, &finger.bias, &force[..m]);
+        arrow.end_branch(Some(|i: usize, j: usize| finger.mobility[i * m + j]));
     }
 }
 
 fn arrow(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("arrow");
     for condim in [3, 4] {
+        let rows = rows(condim);
         for (name, law) in [
             ("elliptic", Law::Elliptic { stiffness: 0.5, cone: 0.8, friction: FRICTION }),
             ("pyramidal", Law::Pyramidal { stiffness: 0.5, friction: FRICTION }),
         ] {
-            let mut arrow = Arrow::default();
-            fill(&mut arrow, condim, law);
-            let mut z = vec![0.0; arrow.size()];
-            let cold = arrow.solve(None, &mut z);
-            assert!(cold.converged, "{name} condim {condim}: {cold:?}");
             let parameter = format!("{name} condim {condim}");
-            group.bench_function(BenchmarkId::new("fill", &parameter), |b| b.iter(|| fill(&mut arrow, condim, law)));
-            group.bench_function(BenchmarkId::new("cold solve", &parameter), |b| {
-                let mut start = vec![0.0; z.len()];
+            let mut arrow = Arrow::default();
+            let cold = [(Zone::Open, [0.0; MAX_ROWS]); FINGERS];
+            group.bench_function(BenchmarkId::new("cold", &parameter), |b| {
                 b.iter(|| {
-                    start.fill(0.0);
-                    arrow.solve(None, black_box(&mut start))
+                    let mut z = [0.0; ROOT];
+                    fill(&mut arrow, &rows, law, &cold);
+                    arrow.solve(black_box(&mut z))
                 });
             });
+            let mut solution = [0.0; ROOT];
+            fill(&mut arrow, &rows, law, &cold);
+            let status = arrow.solve(&mut solution);
+            assert!(status.converged, "{parameter}: {status:?}");
+            let warm: Vec<_> = (0..FINGERS).map(|k| (arrow.response(k).zone, arrow.response(k).force)).collect();
             // last step's solution, moved a little, as in a simulation
-            group.bench_function(BenchmarkId::new("warm solve", &parameter), |b| {
-                let mut start = z.clone();
+            group.bench_function(BenchmarkId::new("warm", &parameter), |b| {
                 b.iter(|| {
-                    start.iter_mut().zip(&z).for_each(|(s, z)| *s = 1.001 * z);
-                    arrow.solve(None, black_box(&mut start))
+                    let mut z = solution.map(|x| 1.001 * x);
+                    fill(&mut arrow, &rows, law, &warm);
+                    arrow.solve(black_box(&mut z))
                 });
             });
         }

@@ -28,8 +28,7 @@
 //! Q knows ranks and sizes but not that contacts only push: an object lying on an open palm has Q > 0. Force closure and
 //! Ferrari and Canny's epsilon do tell.
 
-use faer::Mat;
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{DMatrix, Vector3, Vector6};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -38,6 +37,8 @@ pub use super::gram::{Gram, RANK_TOLERANCE};
 use super::hull::{ConvexHull, HullError};
 use super::wrench::{ContactError, ContactForce, contact_radius};
 
+/// Far more sweeps than a singular value decomposition of six rows needs; it fails on NaN only.
+const SVD_ITERATIONS: usize = 1000;
 /// Edges of a linearised friction cone.
 pub const CONE_EDGES: usize = 8;
 /// The default Q_Th as a fraction of the target's weight, see [`default_latch_quality`].
@@ -141,19 +142,14 @@ pub fn singular_values(
 ) -> Result<[f64; 6], QualityError> {
     let columns = basis_wrenches(contacts, com)?;
     let width = columns.len().max(6);
-    let g = Mat::from_fn(6, width, |i, j| columns.get(j).map_or(0.0, |w| w[i]));
+    let g = DMatrix::from_fn(6, width, |i, j| columns.get(j).map_or(0.0, |w| w[i]));
     let values = g
-        .singular_values()
-        .map_err(|_| QualityError::SingularValues {
-            contacts: contacts.len(),
-        })?;
-    let largest = values.first().copied().unwrap_or(0.0);
+        .try_svd(false, false, f64::EPSILON, SVD_ITERATIONS)
+        .ok_or(QualityError::SingularValues { contacts: contacts.len() })?
+        .singular_values;
+    let largest = values[0];
     Ok(std::array::from_fn(|k| {
-        values
-            .get(k)
-            .copied()
-            .filter(|&v| v > RANK_TOLERANCE * largest)
-            .unwrap_or(0.0)
+        if values[k] > RANK_TOLERANCE * largest { values[k] } else { 0.0 }
     }))
 }
 
