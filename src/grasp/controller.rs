@@ -280,7 +280,7 @@ impl Grasp {
     }
 
     fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {
-        self.set.read(sim, &self.topology);
+        self.set.read(sim.contacts(), sim, &self.topology);
         self.set.read_forces(sim)?;
         self.measure(sim);
         Ok(())
@@ -304,7 +304,7 @@ impl Grasp {
 
     /// Takes the contacts out of the engine's solve, between collision and constraint making.
     pub(super) fn take_contacts(&mut self, sim: &mut Simulation) -> Result<(), Error> {
-        self.set.read(sim, &self.topology);
+        self.set.read(sim.contacts(), sim, &self.topology);
         for contact in self.set.contacts() {
             sim.exclude_contact(contact.index)?;
         }
