@@ -91,11 +91,7 @@ impl Nearest {
     fn new(at: Vector3<f64>, corners: &[Vector3<f64>]) -> Self {
         let mut points = [Vector3::zeros(); 4];
         points[..corners.len()].copy_from_slice(corners);
-        Self {
-            at,
-            points,
-            count: corners.len(),
-        }
+        Self { at, points, count: corners.len() }
     }
 }
 
@@ -116,18 +112,10 @@ fn on_triangle(p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>) -> Nearest {
     // The origin is beyond an edge if it is on the outer side of the edge's own plane along the normal.
     let beyond = |a: &Vector3<f64>, b: &Vector3<f64>| (b - a).cross(&normal).dot(a) <= 0.0;
     let edges = [(p, q), (q, r), (r, p)];
-    if let Some(nearest) = nearest_of(
-        edges
-            .iter()
-            .filter(|(a, b)| beyond(a, b))
-            .map(|&(a, b)| on_segment(a, b)),
-    ) {
+    if let Some(nearest) = nearest_of(edges.iter().filter(|(a, b)| beyond(a, b)).map(|&(a, b)| on_segment(a, b))) {
         return nearest;
     }
-    Nearest::new(
-        normal * (normal.dot(&p) / normal.norm_squared()),
-        &[p, q, r],
-    )
+    Nearest::new(normal * (normal.dot(&p) / normal.norm_squared()), &[p, q, r])
 }
 
 fn on_tetrahedron(p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>, s: Vector3<f64>) -> Nearest {
@@ -137,13 +125,8 @@ fn on_tetrahedron(p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>, s: Vector3<
         let normal = (b - a).cross(&(c - a));
         -normal.dot(a) * normal.dot(&(opposite - a)) <= 0.0
     };
-    nearest_of(
-        faces
-            .iter()
-            .filter(|face| beyond(face))
-            .map(|&[a, b, c, _]| on_triangle(a, b, c)),
-    )
-    .unwrap_or_else(|| Nearest::new(Vector3::zeros(), &[p, q, r, s]))
+    nearest_of(faces.iter().filter(|face| beyond(face)).map(|&[a, b, c, _]| on_triangle(a, b, c)))
+        .unwrap_or_else(|| Nearest::new(Vector3::zeros(), &[p, q, r, s]))
 }
 
 fn nearest_of(candidates: impl Iterator<Item = Nearest>) -> Option<Nearest> {

@@ -7,12 +7,18 @@ use mujoco_grasp::grasp::cone::{Bound, Law};
 use nalgebra::{DMatrix, DVector};
 
 /// `min 1/2 x'Px + q'x  s.t.  b - Ax in cones`
-pub fn conic(p: &DMatrix<f64>, q: &DVector<f64>, a: &DMatrix<f64>, b: &DVector<f64>, cones: &[SupportedConeT<f64>]) -> DVector<f64> {
+pub fn conic(
+    p: &DMatrix<f64>,
+    q: &DVector<f64>,
+    a: &DMatrix<f64>,
+    b: &DVector<f64>,
+    cones: &[SupportedConeT<f64>],
+) -> DVector<f64> {
     let settings = DefaultSettings {
         verbose: false,
-        tol_gap_abs: 1e-11,
-        tol_gap_rel: 1e-11,
-        tol_feas: 1e-10,
+        tol_gap_abs: 1e-9,
+        tol_gap_rel: 1e-9,
+        tol_feas: 1e-9,
         reduced_tol_gap_abs: 1e-7,
         reduced_tol_gap_rel: 1e-7,
         reduced_tol_feas: 1e-7,
@@ -20,11 +26,14 @@ pub fn conic(p: &DMatrix<f64>, q: &DVector<f64>, a: &DMatrix<f64>, b: &DVector<f
         ..DefaultSettings::default()
     };
     let upper = DMatrix::from_fn(p.nrows(), p.ncols(), |i, j| if i <= j { p[(i, j)] } else { 0.0 });
-    let mut solver =
-        DefaultSolver::new(&csc(&upper), q.as_slice(), &csc(a), b.as_slice(), cones, settings).expect("a well-formed problem");
+    let mut solver = DefaultSolver::new(&csc(&upper), q.as_slice(), &csc(a), b.as_slice(), cones, settings)
+        .expect("a well-formed problem");
     solver.solve();
     assert!(
-        matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress),
+        matches!(
+            solver.solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
+        ),
         "{:?}",
         solver.solution.status
     );
