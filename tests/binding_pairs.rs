@@ -4,24 +4,15 @@ use mujoco_grasp::mujoco::{BodyId, Contact, GeomId, Model, PairCollider, Simulat
 use std::path::Path;
 use std::time::Instant;
 
+#[path = "common/random.rs"]
+mod random;
 #[path = "common/robot.rs"]
 mod robot;
 
+use random::Random;
+
 fn simulation(xml: &str) -> Simulation {
     Simulation::new(&Model::from_xml_string(xml).unwrap()).unwrap()
-}
-
-/// splitmix64: numbers from -1 to 1.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
 }
 
 /// Everything that a contact says, as bits; its constraint rows are not made yet.

@@ -3,7 +3,7 @@
 use super::ffi;
 use super::mixing::ContactParameters;
 use super::pairs::{TestedPair, tested_pairs};
-use super::separation::separation;
+use super::separation::clearance;
 use super::shape::{Pose, Shape};
 use super::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
@@ -125,7 +125,7 @@ impl Proximity {
             rotation: Matrix3::from_row_slice(&sim.geom_xmat()[9 * geom..9 * geom + 9]),
         };
         let [pose_a, pose_b] = [pose(x, pair.geoms[0]), pose(y, pair.geoms[1])];
-        separation((a, &pose_a), (b, &pose_b), self.reach + pair.margin) - pair.margin
+        clearance((a, &pose_a), (b, &pose_b), pair.margin, self.reach)
     }
 }
 
