@@ -6,14 +6,14 @@ use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, S
 use mujoco_grasp::grasp::cone::{Bound, Law};
 use nalgebra::{DMatrix, DVector};
 
-/// `min 1/2 x'Px + q'x  s.t.  b - Ax in cones`
+/// `min 1/2 x'Px + q'x  s.t.  b - Ax in cones`; `None` where the method gives up.
 pub fn conic(
     p: &DMatrix<f64>,
     q: &DVector<f64>,
     a: &DMatrix<f64>,
     b: &DVector<f64>,
     cones: &[SupportedConeT<f64>],
-) -> DVector<f64> {
+) -> Option<DVector<f64>> {
     let settings = DefaultSettings {
         verbose: false,
         tol_gap_abs: 1e-9,
@@ -29,15 +29,11 @@ pub fn conic(
     let mut solver = DefaultSolver::new(&csc(&upper), q.as_slice(), &csc(a), b.as_slice(), cones, settings)
         .expect("a well-formed problem");
     solver.solve();
-    assert!(
-        matches!(
-            solver.solution.status,
-            SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
-        ),
-        "{:?}",
-        solver.solution.status
+    let usable = matches!(
+        solver.solution.status,
+        SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
     );
-    DVector::from_vec(solver.solution.x.clone())
+    usable.then(|| DVector::from_vec(solver.solution.x.clone()))
 }
 
 fn csc(m: &DMatrix<f64>) -> CscMatrix<f64> {
@@ -150,5 +146,5 @@ pub fn project(law: &Law, jar: &[f64]) -> DVector<f64> {
     let d = dual(law, jar.len());
     let p = DMatrix::from_diagonal(&DVector::from_vec(d.regularisation.clone()));
     let q = d.to_rows.transpose() * DVector::from_column_slice(jar) - DVector::from_vec(d.shift.clone());
-    &d.to_rows * conic(&p, &q, &d.a, &d.b, &d.cones)
+    &d.to_rows * conic(&p, &q, &d.a, &d.b, &d.cones).expect("a solution")
 }
