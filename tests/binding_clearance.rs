@@ -32,11 +32,7 @@ struct Watch {
 impl Watch {
     fn new(sim: &Simulation, first: &[GeomId], second: &[GeomId]) -> Self {
         let collider = PairCollider::new(sim, first, second).unwrap();
-        Self {
-            clearance: Clearance::new(sim, &collider),
-            collider,
-            tally: Tally::default(),
-        }
+        Self { clearance: Clearance::new(sim, &collider), collider, tally: Tally::default() }
     }
 
     /// Compares with the engine at the present configuration.
@@ -98,14 +94,11 @@ fn room(option: &str, margin: f64) -> String {
 /// Long random flights: kicks now and then, also of the mocap body; the collider has some of the pairs.
 fn fly(sim: &mut Simulation, steps: usize, kick: f64, seed: u64) -> Tally {
     let mut random = Random(seed);
-    let (some, others): (Vec<GeomId>, Vec<GeomId>) =
-        sim.model().geoms().partition(|geom| geom.index() % 3 == 0);
+    let (some, others): (Vec<GeomId>, Vec<GeomId>) = sim.model().geoms().partition(|geom| geom.index() % 3 == 0);
     let mut watch = Watch::new(sim, &some, &others);
     for step in 0..steps {
         if step % 200 == 0 {
-            sim.qvel_mut()
-                .iter_mut()
-                .for_each(|v| *v = kick * random.next());
+            sim.qvel_mut().iter_mut().for_each(|v| *v = kick * random.next());
         }
         if !sim.mocap_pos().is_empty() {
             sim.mocap_pos_mut()[2] += 0.001 * random.next();
@@ -145,19 +138,13 @@ fn what_is_certified_of_a_robot_under_random_torques_is_true() {
             sim.reset().unwrap();
         }
         if step % 100 == 0 {
-            sim.qvel_mut()
-                .iter_mut()
-                .for_each(|v| *v = 0.3 * random.next());
+            sim.qvel_mut().iter_mut().for_each(|v| *v = 0.3 * random.next());
         }
         sim.step().unwrap();
         watch.look(&mut sim);
     }
     println!("{:?}", watch.tally);
-    assert!(
-        watch.tally.certified > watch.tally.clear / 2,
-        "{:?}",
-        watch.tally
-    );
+    assert!(watch.tally.certified > watch.tally.clear / 2, "{:?}", watch.tally);
     assert!(watch.tally.clear < watch.tally.all, "{:?}", watch.tally);
 }
 
@@ -215,22 +202,12 @@ fn approach(sim: &mut Simulation, random: &mut Random) -> (f64, f64) {
         let (mut inside, mut outside) = (0.0, 20.0);
         for _ in 0..40 {
             let middle = 0.5 * (inside + outside);
-            *(if which(look(sim, middle)) {
-                &mut outside
-            } else {
-                &mut inside
-            }) = middle;
+            *(if which(look(sim, middle)) { &mut outside } else { &mut inside }) = middle;
         }
         outside
     };
-    let (certain, clear) = (
-        outermost(|(certain, _)| certain),
-        outermost(|(_, clear)| clear),
-    );
-    assert!(
-        certain >= clear,
-        "certain from {certain} m, clear from {clear} m"
-    );
+    let (certain, clear) = (outermost(|(certain, _)| certain), outermost(|(_, clear)| clear));
+    assert!(certain >= clear, "certain from {certain} m, clear from {clear} m");
     (clear, certain)
 }
 
@@ -254,18 +231,13 @@ fn a_moving_plane_of_a_mocap_body_is_seen() {
         }
     }
     assert!(watch.tally.clear < watch.tally.all, "{:?}", watch.tally);
-    assert!(
-        watch.tally.certified > watch.tally.clear / 2,
-        "{:?}",
-        watch.tally
-    );
+    assert!(watch.tally.certified > watch.tally.clear / 2, "{:?}", watch.tally);
 }
 
 #[test]
 fn contacts_that_are_switched_off_need_no_distance() {
-    let mut sim = simulation(
-        "<mujoco><worldbody><geom size='1'/><body><freejoint/><geom size='1'/></body></worldbody></mujoco>",
-    );
+    let mut sim =
+        simulation("<mujoco><worldbody><geom size='1'/><body><freejoint/><geom size='1'/></body></worldbody></mujoco>");
     let collider = PairCollider::new(&sim, &[], &[]).unwrap();
     let mut clearance = Clearance::new(&sim, &collider);
     sim.kinematics().unwrap();
@@ -326,9 +298,7 @@ fn times(speed: f64) -> [Vec<f64>; 2] {
     for step in 0..4000 {
         if step % 200 == 0 {
             sim.reset().unwrap();
-            sim.qvel_mut()
-                .iter_mut()
-                .for_each(|v| *v = speed * random.next());
+            sim.qvel_mut().iter_mut().for_each(|v| *v = speed * random.next());
         }
         sim.step().unwrap();
         sim.kinematics().unwrap();
@@ -339,9 +309,7 @@ fn times(speed: f64) -> [Vec<f64>; 2] {
         sim.collision().unwrap();
         times[1].push(start.elapsed().as_nanos() as f64);
     }
-    times
-        .iter_mut()
-        .for_each(|times| times.sort_by(f64::total_cmp));
+    times.iter_mut().for_each(|times| times.sort_by(f64::total_cmp));
     times
 }
 
@@ -349,9 +317,8 @@ fn times(speed: f64) -> [Vec<f64>; 2] {
 fn certainty_costs_a_fraction_of_the_collision_stage() {
     for speed in [0.1, 0.5, 2.0] {
         let times = times(speed);
-        let [ours, engine] = times
-            .each_ref()
-            .map(|times| [0.5, 0.9, 0.97].map(|part| times[(part * times.len() as f64) as usize]));
+        let [ours, engine] =
+            times.each_ref().map(|times| [0.5, 0.9, 0.97].map(|part| times[(part * times.len() as f64) as usize]));
         println!("up to {speed} rad/s, ns at 50, 90, 97 %: {ours:.0?}; mj_collision {engine:.0?}");
         assert!(ours[0] < 0.2 * engine[0], "{ours:?} ns of {engine:?} ns");
     }

@@ -2,7 +2,8 @@
 
 use crate::mujoco::{ActuatorId, CompiledModel, JointId};
 
-/// The actuator that drives a joint to a position: its index and `ctrl = scale q + offset`.
+/// The actuator that drives a joint to a position: it rests at joint value q, with torque t on the joint, for
+/// `ctrl = scale q + offset + compliance t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositionActuator {
     /// Index into ctrl.
@@ -11,6 +12,8 @@ pub struct PositionActuator {
     pub scale: f64,
     /// ctrl at joint value 0.
     pub offset: f64,
+    /// ctrl per torque or force on the joint \[1/(N m) or 1/N, times the unit of ctrl\].
+    pub compliance: f64,
 }
 
 impl PositionActuator {
@@ -29,7 +32,12 @@ impl PositionActuator {
                 && gain != 0.0
                 && bias[1] < 0.0;
             let gear = model.actuator_gear()[6 * a];
-            drives.then(|| Self { index: a, scale: -bias[1] * gear / gain, offset: -bias[0] / gain })
+            (drives && gear != 0.0).then(|| Self {
+                index: a,
+                scale: -bias[1] * gear / gain,
+                offset: -bias[0] / gain,
+                compliance: 1.0 / (gain * gear),
+            })
         })
     }
 }

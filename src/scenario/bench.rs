@@ -162,7 +162,7 @@ pub fn bench(plan: &Plan, steps: usize, progress: &dyn Fn(u64)) -> Result<Report
     })
 }
 
-/// Parts of [`bench`] that progress is told of.
+/// Parts of [`bench()`] that progress is told of.
 pub const PARTS: u64 = 3;
 
 struct Bench<'a> {

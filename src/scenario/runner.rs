@@ -9,7 +9,7 @@ use super::control::Schedule;
 use super::error::Error;
 use super::pin::Pin;
 use super::plan::{Plan, Push};
-use super::tracker::{Tracker, pose};
+use super::tracker::{Feel, Tracker, pose};
 use super::trajectory::{Sample, Trajectory};
 use crate::grasp::{self, Grasp, Phase};
 use crate::mujoco::{BodyId, Simulation};
@@ -80,8 +80,11 @@ impl Runner {
         if let Some(key) = plan.keyframe {
             sim.reset_to_keyframe(key)?;
         }
-        // Poses for the first step; the dynamics are not touched.
+        // Poses and weights for the first step; the solver is not touched.
         sim.kinematics()?;
+        sim.inertia()?;
+        sim.transmission()?;
+        sim.velocity()?;
         let mut grasps = Vec::with_capacity(plan.grasps.len());
         let mut trackers = Vec::new();
         for (index, spec) in plan.grasps.iter().enumerate() {
@@ -238,9 +241,8 @@ impl Runner {
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
         self.schedule.apply(time, &mut self.ctrl);
         for tracker in &mut self.trackers {
-            let grasp = &self.grasps[tracker.grasp];
-            let weak = grasp.quality() < grasp.latch_quality();
-            tracker.drive(&self.sim, time, self.timestep, weak, &mut self.ctrl)?;
+            let feel = feel(&self.sim, &self.grasps[tracker.grasp], !self.pins.is_empty());
+            tracker.drive(&self.sim, time, self.timestep, feel, &mut self.ctrl)?;
         }
         self.sim.ctrl_mut().copy_from_slice(&self.ctrl);
         Ok(())
@@ -270,6 +272,21 @@ impl Runner {
             }
         }
     }
+}
+
+/// What the fingers of a grasp felt of their target in the last step.
+fn feel(sim: &Simulation, grasp: &Grasp, pinned: bool) -> Feel {
+    let model = sim.model();
+    let mut load = Vector3::zeros();
+    if model.has_gravity() {
+        load += model.gravity() * model.body_subtreemass()[grasp.target().index()];
+    }
+    let mut squeeze = 0.0;
+    for contact in grasp.contacts() {
+        load += contact.force;
+        squeeze += contact.normal_force();
+    }
+    Feel { weak: grasp.quality() < grasp.latch_quality(), pinned, load, squeeze }
 }
 
 /// What a sample needs besides the state.
