@@ -17,8 +17,12 @@ fn laws(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("law");
     let elliptic = Law::Elliptic { stiffness: 2.0, cone: 0.8, friction: FRICTION };
     let pyramidal = Law::Pyramidal { stiffness: 2.0, friction: FRICTION };
-    let slip =
-        Law::Slip { centre: [0.1, 0.0, 0.0, 0.0, 0.0], resistance: 0.5, friction: FRICTION, bound: Bound::Ellipsoid(1.0) };
+    let slip = Law::Slip {
+        centre: [0.1, 0.0, 0.0, 0.0, 0.0],
+        resistance: 0.5,
+        friction: FRICTION,
+        bound: Bound::Ellipsoid(1.0),
+    };
     let (stick, slide) = ([-1.0, 0.1, 0.05, 0.001], [0.1, 1.0, 0.5, 0.2]);
     let cases = [
         ("elliptic stick", elliptic, stick),

@@ -32,7 +32,8 @@ fn rows(file: &Path) -> anyhow::Result<Vec<BenchRow>> {
     let phases = ["still", "pushed"].into_iter().filter(|phase| !bench[phase].is_null());
     phases
         .map(|phase| {
-            let timing = |mode: &str| timing(&bench[phase][mode]).with_context(|| format!("no times of {phase}.{mode}"));
+            let timing =
+                |mode: &str| timing(&bench[phase][mode]).with_context(|| format!("no times of {phase}.{mode}"));
             Ok(BenchRow {
                 label: format!("{scenario}, {phase}"),
                 ik_us: bench["ik_us"].as_f64(),

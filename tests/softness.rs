@@ -62,8 +62,7 @@ impl Dice {
 /// Half of the target's size [m].
 const TARGET: f64 = 0.03;
 const LINK: f64 = 0.01;
-const FACES: [[f64; 3]; 6] =
-    [[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]];
+const FACES: [[f64; 3]; 6] = [[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]];
 
 /// Contact attributes that geoms and pairs share.
 fn contact_attributes(dice: &mut Dice) -> String {
@@ -112,7 +111,8 @@ fn scene(dice: &mut Dice) -> String {
             let mu: Vec<String> = (0..5).map(|_| dice.scale(1e-3, 2.0).to_string()).collect();
             let link = format!("g{i}");
             let [first, second] = if dice.flip() { ["target", &link] } else { [&link, "target"] };
-            writeln!(pairs, r#"<pair geom1="{first}" geom2="{second}" friction="{}" {attributes}/>"#, mu.join(" ")).unwrap();
+            writeln!(pairs, r#"<pair geom1="{first}" geom2="{second}" friction="{}" {attributes}/>"#, mu.join(" "))
+                .unwrap();
             String::new()
         } else {
             let mu = [dice.scale(0.1, 2.0), dice.scale(1e-3, 0.1), dice.scale(1e-4, 0.01)];
@@ -222,7 +222,13 @@ fn residual(sim: &Simulation, first: usize, rows: usize) -> (Vec<f64>, f64) {
 }
 
 /// The law at the engine's own accelerations gives the engine's own forces.
-fn assert_force(sim: &Simulation, contact: &Contact, soft: &Softness, cone: ConeKind, context: &dyn Fn() -> String) -> Zone {
+fn assert_force(
+    sim: &Simulation,
+    contact: &Contact,
+    soft: &Softness,
+    cone: ConeKind,
+    context: &dyn Fn() -> String,
+) -> Zone {
     let first = contact.efc_address.expect("a contact in the solve has rows");
     let rows = row_count(contact.condim, cone);
     let (jar, scale) = residual(sim, first, rows);

@@ -1,15 +1,16 @@
 //! One grasp: who holds what, its phase and its live contacts.
 
 use super::contacts::{ContactSet, GraspContact};
+use super::detector::Detector;
 use super::error::Error;
+use super::mobility::Dynamics;
 use super::phase::{Observation, Phase, PhaseMachine};
 use super::quality::{self, Gram};
-use super::mobility::Dynamics;
 use super::softness::{ConeKind, SolverOptions};
 use super::solve::{GraspSolver, SolveStatus};
-use super::wrench::ContactForce;
 use super::step::GraspForce;
 use super::topology::{Topology, Tree, is_ancestor, lowest_common_ancestor};
+use super::wrench::ContactForce;
 use crate::mujoco::{BodyId, Cone, DISABLE_REFSAFE, Integrator, Simulation};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -83,6 +84,7 @@ pub struct Grasp {
     release_quality: f64,
     machine: PhaseMachine,
     topology: Topology,
+    detector: Detector,
     set: ContactSet,
     gram: Gram,
     solver: GraspSolver,
@@ -133,7 +135,9 @@ impl Grasp {
         let links = if spec.effectors.is_empty() {
             model
                 .bodies()
-                .filter(|b| b.index() != palm.index() && topology.in_hand(b.index()) && model.body_geomnum()[b.index()] > 0)
+                .filter(|b| {
+                    b.index() != palm.index() && topology.in_hand(b.index()) && model.body_geomnum()[b.index()] > 0
+                })
                 .collect()
         } else {
             spec.effectors.clone()
@@ -147,6 +151,7 @@ impl Grasp {
         for link in &links {
             is_link[link.index()] = true;
         }
+        let detector = Detector::new(sim, &topology)?;
         Ok(Grasp {
             target: spec.target,
             palm,
@@ -163,6 +168,7 @@ impl Grasp {
             solver: GraspSolver::new(&topology, model.dof_parentid()),
             status: SolveStatus::default(),
             topology,
+            detector,
             live: Vec::new(),
             force: GraspForce::default(),
         })
@@ -300,6 +306,16 @@ impl Grasp {
             touching: self.set.touched_by(|link| self.is_link[link]),
             elapsed: sim.model().timestep(),
         }
+    }
+
+    /// Finds the contacts in the place of the engine's collision stage; false if the engine has to look itself, because
+    /// something else might touch something.
+    pub(super) fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+        let alone = self.detector.replaces_collision(sim)?;
+        if alone {
+            self.set.read(self.detector.found().iter().cloned(), sim, &self.topology);
+        }
+        Ok(alone)
     }
 
     /// Takes the contacts out of the engine's solve, between collision and constraint making.

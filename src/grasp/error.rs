@@ -12,7 +12,9 @@ pub enum Error {
     #[error("effector \"{0}\" is the target (or a part of it); effectors are links of the hand that touch the target")]
     EffectorIsTarget(String),
     /// The target is a part of the hand's own kinematic tree.
-    #[error("target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint")]
+    #[error(
+        "target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint"
+    )]
     TargetInHand {
         /// Name of the target.
         target: String,
@@ -23,7 +25,9 @@ pub enum Error {
     #[error("target \"{0}\" is static: it has no joint, so nothing can hold or drop it; give it a free joint")]
     StaticTarget(String),
     /// An effector does not hang from the palm.
-    #[error("effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out")]
+    #[error(
+        "effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out"
+    )]
     EffectorOutsideHand {
         /// Name of the effector.
         effector: String,
@@ -47,10 +51,14 @@ pub enum Error {
         expected: &'static str,
     },
     /// An integrator whose step cannot be taken apart.
-    #[error("a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step")]
+    #[error(
+        "a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step"
+    )]
     Integrator,
     /// The grasp solve met numbers that are not finite.
-    #[error("the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help")]
+    #[error(
+        "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"
+    )]
     Diverged {
         /// Simulated time [s].
         time: f64,
