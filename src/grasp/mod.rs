@@ -1,5 +1,6 @@
 //! Grasps: contacts -> quality -> phase -> constraint.
 pub mod arrow;
+pub mod bounds;
 pub mod closure;
 pub mod cone;
 mod conic;
@@ -9,6 +10,9 @@ pub mod dense;
 mod error;
 pub mod gram;
 pub mod hull;
+mod impedance;
+pub mod merged;
+mod merged_solve;
 pub mod phase;
 pub mod quality;
 mod quickhull;
@@ -17,6 +21,7 @@ pub mod softness;
 pub mod solve;
 mod step;
 pub mod topology;
+mod weld;
 pub mod wrench;
 
 pub use contacts::GraspContact;
@@ -24,3 +29,4 @@ pub use controller::{DEFAULT_LATCH_TIME, Grasp, GraspSpec, Limits};
 pub use error::Error;
 pub use phase::Phase;
 pub use step::{StageClock, engine_step_timed, step, step_timed};
+pub use weld::weld_xml;
