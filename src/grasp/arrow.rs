@@ -1,21 +1,28 @@
 //! Newton's method on the grasp problem, with the fingers eliminated.
 //!
-//! In whitened accelerations `z` (unit inertia, see [`super::whiten`]) the next motion minimises
+//! The next motion minimises an inertial cost plus one convex law for each contact:
 //!
 //! ```text
-//! 1/2 |z - centre|^2 + sum_i s_i(bias_i + Y_i z)
+//! 1/2 |z|^2  +  sum over fingers of 1/2 lambda' W lambda  +  sum over contacts of s(bias + Y z + W lambda)
 //! ```
 //!
-//! over one *root* block (the target's six and the palm's few unknowns) and one small block for each finger.
-//! A contact touches the root and at most one finger, so the Hessian is an arrow: each finger is eliminated by a
-//! Cholesky factor of its own few joints, and what is left is a system in the root alone. The cost grows linearly
-//! with the contacts; the root's size does not change.
+//! `z` are the twelve whitened accelerations of palm and target (the *root*), `lambda` the forces that a finger's rows
+//! have come to know, and `W` the mobility that the finger's own joints give its rows: `W lambda` is how the finger's
+//! links move. At the minimum `lambda` is the contact force. The Hessian is an arrow: each finger is eliminated by a
+//! factorization of the size of its own rows, and what is left are the root's twelve unknowns however many fingers and
+//! contacts there are.
 
-use super::cone::{Law, MAX_ROWS, Response};
+use super::cone::{Law, MAX_ROWS, Response, Zone};
 use super::dense;
+use nalgebra::{SMatrix, SVector};
+
+/// Unknowns of the root: the palm's six and the target's six.
+pub const ROOT: usize = 12;
+/// One number for each unknown of the root.
+pub type RootVector = [f64; ROOT];
 
 /// Gradient norm, relative to the largest term in it, below which a point counts as the minimum.
-const TOLERANCE: f64 = 1e-10;
+const TOLERANCE: f64 = 1e-9;
 /// Newton iterations before giving up; warm-started steps take one or two.
 const MAX_ITERATIONS: usize = 60;
 /// Sufficient decrease of the backtracking line search (Armijo).
@@ -35,139 +42,115 @@ pub struct Status {
 /// One contact (or scalar row): a law on some rows of one finger and the root.
 #[derive(Clone, Copy, Debug)]
 struct Block {
-    branch: Option<usize>,
     rows: usize,
-    /// Offset of the first row in the arrays that hold one number per row.
+    /// First row, in the arrays that hold one entry per row.
     row0: usize,
-    /// Offset of the rows' finger part (row-major, `rows` x finger size).
-    finger0: usize,
     law: Law,
     response: Response,
 }
 
+/// A finger with contacts, or all contacts that no finger's joints take part in.
 #[derive(Clone, Copy, Debug)]
 struct Branch {
-    dim: usize,
-    /// Offset in `z`.
-    z0: usize,
     blocks: (usize, usize),
+    row0: usize,
     rows: usize,
+    /// Offset of the branch's square matrices.
+    square0: usize,
+    moves: bool,
 }
 
 /// The problem and its workspace; buffers are kept from step to step, so that a warm solve allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Arrow {
-    root: usize,
-    size: usize,
     branches: Vec<Branch>,
     blocks: Vec<Block>,
-    finger_rows: Vec<f64>,
-    root_rows: Vec<f64>,
+    /// `Y`
+    root_rows: Vec<RootVector>,
     bias: Vec<f64>,
-    work: Work,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Work {
+    /// `lambda`
+    forces: Vec<f64>,
+    /// `f`, what the laws answer.
+    law_forces: Vec<f64>,
+    /// `W` of each branch, row-major.
+    mobility: Vec<f64>,
     jar: Vec<f64>,
+    /// Change of `jar` along the Newton step.
     slope: Vec<f64>,
-    gradient: Vec<f64>,
-    step: Vec<f64>,
-    hessian: Vec<f64>,
-    factors: Vec<Factor>,
-    coupled: Vec<f64>,
-}
-
-/// What eliminating one finger leaves for the back substitution.
-#[derive(Clone, Debug, Default)]
-struct Factor {
-    cholesky: Vec<f64>,
-    /// `L^-1 Y_f^T C`, finger size x rows of the branch.
-    coupling: Vec<f64>,
-    /// `L^-1 g_f`
-    forward: Vec<f64>,
-    /// `C - coupling^T coupling`, the stiffness that the root feels, rows x rows.
+    force_step: Vec<f64>,
+    /// `E (f - lambda)` of each branch, `E = (I + C W)^-1`.
+    pull: Vec<f64>,
+    /// `E C` of each branch: the stiffness that the root feels.
     stiffness: Vec<f64>,
+    scratch: Vec<f64>,
 }
 
-/// The rows of a block that was just added, to be filled in.
-pub struct RowsMut<'a> {
-    /// Finger part, row-major, rows x finger size.
-    pub finger: &'a mut [f64],
-    /// Root part, row-major, rows x root size.
-    pub root: &'a mut [f64],
-    /// Residual at `z = 0`.
-    pub bias: &'a mut [f64],
-}
-
-impl RowsMut<'_> {
-    /// `|Y_i|^2`: how easily row `i` moves [1/kg].
-    pub fn row_norm_squared(&self, i: usize) -> f64 {
-        let part = |rows: &[f64]| {
-            let size = rows.len() / self.bias.len();
-            let row = &rows[i * size..(i + 1) * size];
-            dense::dot(row, row)
-        };
-        part(self.finger) + part(self.root)
-    }
+/// What a solve works on besides the contacts' rows.
+struct Newton {
+    gradient: RootVector,
+    step: RootVector,
+    hessian: [RootVector; ROOT],
 }
 
 impl Arrow {
-    /// Starts a new problem with `root` shared unknowns.
-    pub fn begin(&mut self, root: usize) {
-        self.root = root;
-        self.size = root;
+    /// Starts a new problem.
+    pub fn begin(&mut self) {
         self.branches.clear();
         self.blocks.clear();
-        self.finger_rows.clear();
         self.root_rows.clear();
         self.bias.clear();
-        self.begin_branch(0);
+        self.forces.clear();
+        self.mobility.clear();
     }
 
-    /// Starts the next finger, of `dim` joints; blocks added from now on belong to it. Blocks that are added
-    /// before the first call touch the root only. Returns the offset of the finger's unknowns in `z`.
-    pub fn begin_branch(&mut self, dim: usize) -> usize {
-        let z0 = self.size;
-        self.size += dim;
+    /// Starts a branch: blocks added from now on share one finger.
+    pub fn begin_branch(&mut self) {
         let block = self.blocks.len();
         self.branches.push(Branch {
-            dim,
-            z0,
             blocks: (block, block),
+            row0: self.bias.len(),
             rows: 0,
+            square0: self.mobility.len(),
+            moves: false,
         });
-        z0
     }
 
-    /// Adds a contact of `rows` rows to the present finger; the rows are zero until they are filled in.
-    pub fn add_block(&mut self, rows: usize, law: Law) -> RowsMut<'_> {
-        let branch = self.branches.len() - 1;
-        let dim = self.branches[branch].dim;
-        let (row0, finger0) = (self.bias.len(), self.finger_rows.len());
+    /// Adds a contact to the present branch: one entry of `root_rows`, `bias` and `forces` for each row. `forces` is
+    /// where `lambda` starts and `zone` where on its cone the contact is expected.
+    pub fn add_block(&mut self, law: Law, zone: Zone, root_rows: &[RootVector], bias: &[f64], forces: &[f64]) {
+        let mut response = Response::open();
+        response.zone = zone;
         self.blocks.push(Block {
-            branch: (dim > 0).then_some(branch),
-            rows,
-            row0,
-            finger0,
+            rows: bias.len(),
+            row0: self.bias.len(),
             law,
-            response: Response::open(),
+            response,
         });
-        self.branches[branch].blocks.1 += 1;
-        self.branches[branch].rows += rows;
-        self.bias.resize(row0 + rows, 0.0);
-        self.finger_rows.resize(finger0 + rows * dim, 0.0);
-        self.root_rows.resize((row0 + rows) * self.root, 0.0);
-        RowsMut {
-            finger: &mut self.finger_rows[finger0..],
-            root: &mut self.root_rows[row0 * self.root..],
-            bias: &mut self.bias[row0..],
+        self.root_rows.extend_from_slice(root_rows);
+        self.bias.extend_from_slice(bias);
+        self.forces.extend_from_slice(forces);
+        if let Some(branch) = self.branches.last_mut() {
+            branch.blocks.1 += 1;
+            branch.rows += bias.len();
         }
     }
 
-    /// Number of unknowns: the root's, then each finger's.
-    pub fn size(&self) -> usize {
-        self.size
+    /// Ends a branch whose finger's joints give its rows the mobility `entry(i, j)`; `None` if no joint takes part.
+    pub fn end_branch(&mut self, entry: Option<impl Fn(usize, usize) -> f64>) {
+        let Some(branch) = self.branches.last_mut() else { return };
+        let m = branch.rows;
+        branch.moves = entry.is_some();
+        let square0 = branch.square0;
+        self.mobility.resize(square0 + m * m, 0.0);
+        if let Some(entry) = entry {
+            for i in 0..m {
+                for j in 0..=i {
+                    let w = entry(i, j);
+                    self.mobility[square0 + i * m + j] = w;
+                    self.mobility[square0 + j * m + i] = w;
+                }
+            }
+        }
     }
 
     /// Number of blocks.
@@ -175,9 +158,9 @@ impl Arrow {
         self.blocks.len()
     }
 
-    /// The law of block `block`, to be changed between two solves of the same rows.
-    pub fn law_mut(&mut self, block: usize) -> &mut Law {
-        &mut self.blocks[block].law
+    /// The law of block `block`, and where on its cone the contact is expected.
+    pub fn law(&self, block: usize) -> &Law {
+        &self.blocks[block].law
     }
 
     /// What the law of block `block` answered at the solution.
@@ -188,273 +171,329 @@ impl Arrow {
     /// The residual of block `block` at the solution.
     pub fn residual(&self, block: usize) -> &[f64] {
         let b = &self.blocks[block];
-        &self.work.jar[b.row0..b.row0 + b.rows]
+        &self.jar[b.row0..b.row0 + b.rows]
     }
 
-    /// Adds `Y^T force` of block `block` to `out`.
-    pub fn add_transposed(&self, block: usize, force: &[f64], out: &mut [f64]) {
-        let b = &self.blocks[block];
-        let rows = b.first_row()..b.rows;
-        for (i, &f) in rows.zip(force) {
-            if f != 0.0 {
-                dense::axpy(f, self.root_row(b, i), &mut out[..self.root]);
-                if let Some(branch) = b.branch {
-                    let Branch { dim, z0, .. } = self.branches[branch];
-                    dense::axpy(f, self.finger_row(b, dim, i), &mut out[z0..z0 + dim]);
-                }
-            }
+    /// How easily row `row` of block `block` moves [1/kg]: `|Y_i|^2 + W_ii`.
+    pub fn row_mobility(&self, block: usize, row: usize) -> f64 {
+        let i = self.blocks[block].row0 + row;
+        let y = &self.root_rows[i];
+        let own = self.branches.iter().find(|b| (b.row0..b.row0 + b.rows).contains(&i)).map_or(0.0, |b| {
+            let k = i - b.row0;
+            self.mobility[b.square0 + k * b.rows + k]
+        });
+        own + dense::dot(y, y)
+    }
+
+    /// Goes on to the next problem on the same rows: what stands of the solution so far (`kept`, one force for each
+    /// row) becomes a part of the bias, each block gets a new law and expected zone, and `lambda` starts at `start`.
+    /// Returns the root's motion that `kept` explains.
+    pub fn continue_with(
+        &mut self,
+        kept: &[f64],
+        start: &[f64],
+        mut relaw: impl FnMut(usize) -> (Law, Zone),
+    ) -> RootVector {
+        let mut moved = [0.0; ROOT];
+        for (y, f) in self.root_rows.iter().zip(kept) {
+            dense::axpy(*f, y, &mut moved);
         }
+        for (bias, y) in self.bias.iter_mut().zip(&self.root_rows) {
+            *bias += dense::dot(y, &moved);
+        }
+        self.forces.copy_from_slice(kept);
+        for branch in &self.branches {
+            add_mobility(branch, &self.mobility, &self.forces, &mut self.bias);
+        }
+        self.forces.copy_from_slice(start);
+        for (k, block) in self.blocks.iter_mut().enumerate() {
+            (block.law, block.response.zone) = relaw(k);
+        }
+        moved
     }
 
-    fn root_row(&self, b: &Block, i: usize) -> &[f64] {
-        let start = (b.row0 + i) * self.root;
-        &self.root_rows[start..start + self.root]
-    }
-
-    fn finger_row(&self, b: &Block, dim: usize, i: usize) -> &[f64] {
-        let start = b.finger0 + i * dim;
-        &self.finger_rows[start..start + dim]
-    }
-
-    /// Minimises from the start `z` and leaves the solution there. `centre` is where the inertial term is zero
-    /// (`None`: the origin).
-    pub fn solve(&mut self, centre: Option<&[f64]>, z: &mut [f64]) -> Status {
-        let mut work = std::mem::take(&mut self.work);
-        let status = self.newton(&mut work, centre, z);
-        self.work = work;
-        status
-    }
-
-    fn newton(&mut self, work: &mut Work, centre: Option<&[f64]>, z: &mut [f64]) -> Status {
+    /// Minimises from the start `z` and leaves the solution there.
+    ///
+    /// The first step takes every contact to be where it is expected on its cone. If it ends there and no contact
+    /// slides, that step was the whole solve.
+    pub fn solve(&mut self, z: &mut RootVector) -> Status {
         let rows = self.bias.len();
-        work.jar.clear();
-        work.jar.extend_from_slice(&self.bias);
-        work.slope.resize(rows, 0.0);
-        work.step.resize(self.size, 0.0);
-        work.gradient.resize(self.size, 0.0);
-        self.apply(z, &mut work.slope);
-        for (jar, v) in work.jar.iter_mut().zip(&work.slope) {
-            *jar += v;
+        for buffer in [&mut self.jar, &mut self.slope, &mut self.force_step, &mut self.pull, &mut self.law_forces] {
+            buffer.resize(rows, 0.0);
         }
-        let (mut cost, _) = self.respond(&work.jar);
-        cost += inertial_cost(z, centre);
+        self.stiffness.resize(self.mobility.len(), 0.0);
+        let mut newton = Newton {
+            gradient: [0.0; ROOT],
+            step: [0.0; ROOT],
+            hessian: [[0.0; ROOT]; ROOT],
+        };
+        self.residuals(z);
+        for b in &mut self.blocks {
+            b.response = b.law.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], b.response.zone);
+            b.store_force(&mut self.law_forces);
+        }
+        self.gradient(z, &mut newton.gradient);
+        self.newton_step(&mut newton);
+        self.advance(1.0, &newton.step, z);
+        if self.respond().1 {
+            return Status { iterations: 1, converged: true };
+        }
+        self.descend(&mut newton, z)
+    }
 
-        for iterations in 0..MAX_ITERATIONS {
-            let scale = self.gradient(z, centre, &mut work.gradient);
-            if dense::norm(&work.gradient) <= TOLERANCE * scale {
+    /// Newton with a line search from where `z` and `lambda` are.
+    fn descend(&mut self, newton: &mut Newton, z: &mut RootVector) -> Status {
+        let mut cost = self.respond().0 + self.inertial_cost(z);
+        for iterations in 1..MAX_ITERATIONS {
+            let scale = self.gradient(z, &mut newton.gradient);
+            let size = self.gradient_norm(&newton.gradient);
+            if size <= TOLERANCE * scale {
                 return Status { iterations, converged: true };
             }
-            self.newton_step(work);
-            self.apply(&work.step, &mut work.slope);
-            let decrease = dense::dot(&work.gradient, &work.step);
+            self.newton_step(newton);
+            let decrease = self.directional_derivative(newton);
             let slack = 1e-14 * cost.abs();
-
             let mut length = 1.0;
             let mut accepted = None;
+            self.advance(length, &newton.step, z);
             for _ in 0..MAX_HALVINGS {
-                let zones_kept = self.respond_along(&mut work.jar, &work.slope, length);
-                let trial = zones_kept.0 + inertial_cost_along(z, &work.step, length, centre);
+                let (laws, affine) = self.respond();
+                let trial = laws + self.inertial_cost(z);
                 if trial <= cost + ARMIJO * length * decrease + slack {
-                    accepted = Some((trial, zones_kept.1));
+                    accepted = Some((trial, affine && length == 1.0));
                     break;
                 }
-                for (jar, v) in work.jar.iter_mut().zip(&work.slope) {
-                    *jar -= length * v;
-                }
                 length *= 0.5;
+                self.advance(-length, &newton.step, z);
             }
-            let Some((trial, affine)) = accepted else {
-                // no descent left at this precision: `jar` is that of `z` again
-                self.respond(&work.jar);
-                let converged = dense::norm(&work.gradient) <= 1e-6 * scale;
-                return Status { iterations, converged };
+            let Some((trial, exact)) = accepted else {
+                // no descent left at this precision
+                self.advance(-length, &newton.step, z);
+                self.respond();
+                return Status { iterations, converged: size <= 1e-6 * scale };
             };
             cost = trial;
-            dense::axpy(length, &work.step, z);
-            if affine && length == 1.0 {
-                // Newton is exact on an affine piece
+            if exact {
                 return Status { iterations: iterations + 1, converged: true };
             }
         }
         Status { iterations: MAX_ITERATIONS, converged: false }
     }
 
-    /// `Y z`, the law's rows only.
-    fn apply(&self, z: &[f64], out: &mut [f64]) {
-        for b in &self.blocks {
-            for i in 0..b.rows {
-                let mut v = dense::dot(self.root_row(b, i), &z[..self.root]);
-                if let Some(branch) = b.branch {
-                    let Branch { dim, z0, .. } = self.branches[branch];
-                    v += dense::dot(self.finger_row(b, dim, i), &z[z0..z0 + dim]);
-                }
-                out[b.row0 + i] = v;
-            }
+    /// `jar = bias + Y z + W lambda`
+    fn residuals(&mut self, z: &RootVector) {
+        for ((jar, bias), y) in self.jar.iter_mut().zip(&self.bias).zip(&self.root_rows) {
+            *jar = bias + dense::dot(y, z);
+        }
+        for branch in &self.branches {
+            add_mobility(branch, &self.mobility, &self.forces, &mut self.jar);
         }
     }
 
+    /// Moves `z`, `lambda` and the residuals along the Newton step.
+    fn advance(&mut self, length: f64, step: &RootVector, z: &mut RootVector) {
+        dense::axpy(length, step, z);
+        dense::axpy(length, &self.force_step, &mut self.forces);
+        dense::axpy(length, &self.slope, &mut self.jar);
+    }
+
     /// Evaluates every law; returns the summed cost and whether all zones are those of before and affine.
-    fn respond(&mut self, jar: &[f64]) -> (f64, bool) {
+    fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
         for b in &mut self.blocks {
             let before = b.response.zone;
-            b.response = b.law.respond(&jar[b.row0 + b.first_row()..b.row0 + b.rows]);
+            b.response = b.law.respond(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows]);
+            b.store_force(&mut self.law_forces);
             affine &= b.response.zone == before && before.is_affine();
             cost += b.response.cost;
         }
         (cost, affine)
     }
 
-    fn respond_along(&mut self, jar: &mut [f64], slope: &[f64], length: f64) -> (f64, bool) {
-        for (jar, v) in jar.iter_mut().zip(slope) {
-            *jar += length * v;
-        }
-        self.respond(jar)
-    }
-
-    /// Gradient at `z`; returns the size of its largest terms, against which it is judged.
-    fn gradient(&self, z: &[f64], centre: Option<&[f64]>, gradient: &mut [f64]) -> f64 {
-        gradient.fill(0.0);
-        for (k, b) in self.blocks.iter().enumerate() {
-            if b.response.zone != super::cone::Zone::Open {
-                self.add_transposed(k, &b.response.force, gradient);
+    fn inertial_cost(&self, z: &RootVector) -> f64 {
+        let mut cost = dense::dot(z, z);
+        for branch in self.branches.iter().filter(|b| b.moves) {
+            let forces = &self.forces[branch.row0..branch.row0 + branch.rows];
+            for (i, f) in forces.iter().enumerate() {
+                cost += f * dense::dot(branch.row(&self.mobility, i), forces);
             }
         }
-        let scale = dense::norm(gradient);
-        for (i, g) in gradient.iter_mut().enumerate() {
-            *g = z[i] - centre.map_or(0.0, |c| c[i]) - *g;
-        }
-        scale.max(dense::norm(z)).max(f64::MIN_POSITIVE)
+        0.5 * cost
     }
 
-    /// Solves `H step = -gradient` by eliminating the fingers.
-    fn newton_step(&self, work: &mut Work) {
-        let root = self.root;
-        work.hessian.clear();
-        work.hessian.resize(root * root, 0.0);
-        for i in 0..root {
-            work.hessian[i * root + i] = 1.0;
-            work.step[i] = -work.gradient[i];
+    /// The root's gradient; returns the size of its largest terms, against which gradients are judged.
+    fn gradient(&self, z: &RootVector, gradient: &mut RootVector) -> f64 {
+        *gradient = [0.0; ROOT];
+        for (y, f) in self.root_rows.iter().zip(&self.law_forces) {
+            dense::axpy(*f, y, gradient);
         }
-        if work.factors.len() < self.branches.len() {
-            work.factors.resize(self.branches.len(), Factor::default());
+        let scale = dense::norm(gradient).max(dense::norm(z)).max(f64::MIN_POSITIVE);
+        for (g, z) in gradient.iter_mut().zip(z) {
+            *g = z - *g;
         }
-        for (branch, factor) in self.branches.iter().zip(&mut work.factors) {
-            if branch.rows > 0 {
-                self.eliminate(branch, &work.gradient, factor);
-                self.add_to_root(branch, factor, &mut work.coupled, &mut work.hessian, &mut work.step);
+        scale
+    }
+
+    /// Norm of the whole gradient: the root's, and `W^1/2 (lambda - f)` of each finger.
+    fn gradient_norm(&self, root: &RootVector) -> f64 {
+        let mut square = dense::dot(root, root);
+        for branch in self.branches.iter().filter(|b| b.moves) {
+            for i in 0..branch.rows {
+                let moved: f64 = (0..branch.rows)
+                    .map(|j| branch.row(&self.mobility, i)[j] * self.disagreement(branch.row0 + j))
+                    .sum();
+                square += self.disagreement(branch.row0 + i) * moved;
             }
         }
-        // the root's Hessian is at least the identity
-        dense::cholesky(&mut work.hessian, root);
-        dense::solve_lower(&work.hessian, root, &mut work.step[..root]);
-        dense::solve_upper(&work.hessian, root, &mut work.step[..root]);
-        for (branch, factor) in self.branches.iter().zip(&work.factors) {
-            self.substitute(branch, factor, &work.gradient, &mut work.coupled, &mut work.step);
+        square.max(0.0).sqrt()
+    }
+
+    /// `lambda - f` of a row.
+    fn disagreement(&self, row: usize) -> f64 {
+        self.forces[row] - self.law_forces[row]
+    }
+
+    fn directional_derivative(&self, newton: &Newton) -> f64 {
+        let mut sum = dense::dot(&newton.gradient, &newton.step);
+        for branch in self.branches.iter().filter(|b| b.moves) {
+            for i in 0..branch.rows {
+                let row = branch.row(&self.mobility, i);
+                let steps = &self.force_step[branch.row0..branch.row0 + branch.rows];
+                sum += self.disagreement(branch.row0 + i) * dense::dot(row, steps);
+            }
+        }
+        sum
+    }
+
+    /// Solves for the step of root and fingers: `H step = -gradient`.
+    fn newton_step(&mut self, newton: &mut Newton) {
+        newton.hessian = [[0.0; ROOT]; ROOT];
+        for i in 0..ROOT {
+            newton.hessian[i][i] = 1.0;
+            newton.step[i] = -newton.gradient[i];
+        }
+        for k in 0..self.branches.len() {
+            let branch = self.branches[k];
+            self.eliminate(&branch);
+            self.add_to_root(&branch, newton);
+        }
+        // the root's Hessian is at least the identity: the factor exists
+        dense::cholesky_solve(&mut newton.hessian, &mut newton.step);
+        for (slope, y) in self.slope.iter_mut().zip(&self.root_rows) {
+            *slope = dense::dot(y, &newton.step);
+        }
+        for branch in &self.branches {
+            let rows = branch.row0..branch.row0 + branch.rows;
+            if branch.moves {
+                for i in 0..branch.rows {
+                    let stiffness = branch.row(&self.stiffness, i);
+                    self.force_step[branch.row0 + i] =
+                        self.pull[branch.row0 + i] - dense::dot(stiffness, &self.slope[rows.clone()]);
+                }
+                add_mobility(branch, &self.mobility, &self.force_step, &mut self.slope);
+            } else {
+                self.force_step[rows].fill(0.0);
+            }
         }
     }
 
-    /// Factors one finger's block `I + Y_f^T C Y_f` and forms the stiffness that is left for the root.
-    fn eliminate(&self, branch: &Branch, gradient: &[f64], factor: &mut Factor) {
-        let (dim, m) = (branch.dim, branch.rows);
-        let blocks = &self.blocks[branch.blocks.0..branch.blocks.1];
-        let base = blocks[0].row0;
-        factor.stiffness.clear();
-        factor.stiffness.resize(m * m, 0.0);
-        factor.coupling.clear();
-        factor.coupling.resize(dim * m, 0.0);
-        factor.cholesky.clear();
-        factor.cholesky.resize(dim * dim, 0.0);
-        factor.forward.clear();
-        factor.forward.extend_from_slice(&gradient[branch.z0..branch.z0 + dim]);
-        for j in 0..dim {
-            factor.cholesky[j * dim + j] = 1.0;
-        }
-        for b in blocks {
-            let (at, first) = (b.row0 - base, b.first_row());
+    /// One finger's `E (f - lambda)` and `E C`, `E = (I + C W)^-1` (without joints `E` is the identity).
+    fn eliminate(&mut self, branch: &Branch) {
+        let m = branch.rows;
+        let stiffness = &mut self.stiffness[branch.square0..branch.square0 + m * m];
+        let pull = &mut self.pull[branch.row0..branch.row0 + m];
+        stiffness.fill(0.0);
+        for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
+            let (at, first) = (b.row0 - branch.row0, b.first_row());
             for i in first..b.rows {
                 for k in first..b.rows {
-                    let c = b.response.hessian[(i - first) * MAX_ROWS + (k - first)];
-                    factor.stiffness[(at + i) * m + at + k] = c;
-                    if c != 0.0 {
-                        let row = self.finger_row(b, dim, k);
-                        for j in 0..dim {
-                            factor.coupling[j * m + at + i] += c * row[j];
-                        }
-                    }
-                }
-            }
-            for i in first..b.rows {
-                let row = self.finger_row(b, dim, i);
-                for j in 0..dim {
-                    let c = factor.coupling[j * m + at + i];
-                    dense::axpy(c, &row[..=j], &mut factor.cholesky[j * dim..j * dim + j + 1]);
+                    stiffness[(at + i) * m + at + k] = b.response.hessian[(i - first) * MAX_ROWS + k - first];
                 }
             }
         }
-        if dim == 0 {
+        if !branch.moves {
             return;
         }
-        // at least the identity: the factor exists
-        dense::cholesky(&mut factor.cholesky, dim);
-        dense::solve_lower(&factor.cholesky, dim, &mut factor.forward);
-        dense::solve_lower_many(&factor.cholesky, dim, &mut factor.coupling, m);
-        for j in 0..dim {
-            let (row, stiffness) = (&factor.coupling[j * m..(j + 1) * m], &mut factor.stiffness);
-            for i in 0..m {
-                dense::axpy(-row[i], row, &mut stiffness[i * m..(i + 1) * m]);
-            }
+        for (i, pull) in pull.iter_mut().enumerate() {
+            *pull = self.law_forces[branch.row0 + i] - self.forces[branch.row0 + i];
+        }
+        let mobility = &self.mobility[branch.square0..branch.square0 + m * m];
+        // one contact of condim 3 or 4 is what most fingers have
+        match m {
+            3 => eliminate_small::<3>(mobility, pull, stiffness),
+            4 => eliminate_small::<4>(mobility, pull, stiffness),
+            _ => eliminate_any(mobility, pull, stiffness, &mut self.scratch),
         }
     }
 
-    /// `H_root += Y_r^T k Y_r` and the finger's share of the right-hand side.
-    fn add_to_root(&self, branch: &Branch, factor: &Factor, coupled: &mut Vec<f64>, hessian: &mut [f64], rhs: &mut [f64]) {
-        let (root, m) = (self.root, branch.rows);
-        let row0 = self.blocks[branch.blocks.0].row0;
-        let rows = &self.root_rows[row0 * root..(row0 + m) * root];
-        coupled.clear();
-        coupled.resize(root, 0.0);
-        for i in 0..m {
-            coupled.fill(0.0);
-            for k in 0..m {
-                let c = factor.stiffness[i * m + k];
-                if c != 0.0 {
-                    dense::axpy(c, &rows[k * root..(k + 1) * root], coupled);
+    /// `H += Y' E C Y` and the finger's share of the right-hand side, `Y' E (f - lambda)` less what the root's gradient
+    /// already has of it. Only the lower triangle of `H` is kept.
+    fn add_to_root(&self, branch: &Branch, newton: &mut Newton) {
+        let rows = &self.root_rows[branch.row0..branch.row0 + branch.rows];
+        for (i, y) in rows.iter().enumerate() {
+            let mut coupled = [0.0; ROOT];
+            for (c, other) in branch.row(&self.stiffness, i).iter().zip(rows) {
+                for k in 0..ROOT {
+                    coupled[k] += c * other[k];
                 }
             }
-            let row = &rows[i * root..(i + 1) * root];
-            for a in 0..root {
-                dense::axpy(row[a], &coupled[..=a], &mut hessian[a * root..a * root + a + 1]);
+            for k in 0..ROOT / 2 {
+                for j in 0..ROOT / 2 {
+                    newton.hessian[k][j] += y[k] * coupled[j];
+                }
             }
-            let pull: f64 = (0..branch.dim).map(|j| factor.coupling[j * m + i] * factor.forward[j]).sum();
-            dense::axpy(pull, row, &mut rhs[..root]);
+            for k in ROOT / 2..ROOT {
+                for j in 0..ROOT {
+                    newton.hessian[k][j] += y[k] * coupled[j];
+                }
+            }
+            if branch.moves {
+                let row = branch.row0 + i;
+                let pull = self.pull[row] + self.disagreement(row);
+                for k in 0..ROOT {
+                    newton.step[k] += pull * y[k];
+                }
+            }
         }
     }
+}
 
-    /// The finger's step once the root's is known.
-    fn substitute(&self, branch: &Branch, factor: &Factor, gradient: &[f64], coupled: &mut Vec<f64>, step: &mut [f64]) {
-        let (dim, m) = (branch.dim, branch.rows);
-        if m == 0 {
-            for j in branch.z0..branch.z0 + dim {
-                step[j] = -gradient[j];
+/// `pull <- E pull`, `stiffness <- E C` with `E = (I + C W)^-1`, for as many rows as there are closed inverses for.
+fn eliminate_small<const M: usize>(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64]) {
+    let c = SMatrix::<f64, M, M>::from_row_slice(stiffness);
+    let w = SMatrix::<f64, M, M>::from_row_slice(mobility);
+    let a = SMatrix::<f64, M, M>::identity() + c * w;
+    // the eigenvalues of C W are those of a positive semidefinite matrix: A is never singular
+    let e = a.try_inverse().unwrap_or_else(SMatrix::identity);
+    let pulled = e * SVector::<f64, M>::from_column_slice(pull);
+    pull.copy_from_slice(pulled.as_slice());
+    // symmetric: columns are rows
+    stiffness.copy_from_slice((e * c).as_slice());
+}
+
+/// As [`eliminate_small`], for any number of rows.
+fn eliminate_any(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64], scratch: &mut Vec<f64>) {
+    let m = pull.len();
+    scratch.clear();
+    scratch.resize(m * m, 0.0);
+    for i in 0..m {
+        let row = &mut scratch[i * m..(i + 1) * m];
+        for k in 0..m {
+            let c = stiffness[i * m + k];
+            if c != 0.0 {
+                dense::axpy(c, &mobility[k * m..(k + 1) * m], row);
             }
-            return;
         }
-        let row0 = self.blocks[branch.blocks.0].row0;
-        coupled.clear();
-        coupled.resize(dim, 0.0);
-        coupled.copy_from_slice(&factor.forward);
-        for i in 0..m {
-            let start = (row0 + i) * self.root;
-            let moved = dense::dot(&self.root_rows[start..start + self.root], &step[..self.root]);
-            for j in 0..dim {
-                coupled[j] += factor.coupling[j * m + i] * moved;
-            }
-        }
-        dense::solve_upper(&factor.cholesky, dim, coupled);
-        for j in 0..dim {
-            step[branch.z0 + j] = -coupled[j];
-        }
+        row[i] += 1.0;
+    }
+    dense::lu_solve(scratch, m, pull, stiffness);
+}
+
+impl Branch {
+    /// Row `i` of this branch's square matrix in `squares`.
+    fn row<'a>(&self, squares: &'a [f64], i: usize) -> &'a [f64] {
+        let start = self.square0 + i * self.rows;
+        &squares[start..start + self.rows]
     }
 }
 
@@ -463,17 +502,21 @@ impl Block {
     fn first_row(&self) -> usize {
         usize::from(matches!(self.law, Law::Slip { .. }))
     }
-}
 
-fn inertial_cost(z: &[f64], centre: Option<&[f64]>) -> f64 {
-    inertial_cost_along(z, z, 0.0, centre)
-}
-
-fn inertial_cost_along(z: &[f64], step: &[f64], length: f64, centre: Option<&[f64]>) -> f64 {
-    let mut cost = 0.0;
-    for i in 0..z.len() {
-        let off = z[i] + length * step[i] - centre.map_or(0.0, |c| c[i]);
-        cost += off * off;
+    fn store_force(&self, forces: &mut [f64]) {
+        let first = self.first_row();
+        let forces = &mut forces[self.row0..self.row0 + self.rows];
+        forces[..first].fill(0.0);
+        forces[first..].copy_from_slice(&self.response.force[..self.rows - first]);
     }
-    0.5 * cost
+}
+
+/// `out += W x` on the rows of a branch.
+fn add_mobility(branch: &Branch, mobility: &[f64], x: &[f64], out: &mut [f64]) {
+    if branch.moves {
+        let rows = branch.row0..branch.row0 + branch.rows;
+        for i in 0..branch.rows {
+            out[branch.row0 + i] += dense::dot(branch.row(mobility, i), &x[rows.clone()]);
+        }
+    }
 }

@@ -135,6 +135,64 @@ impl Law {
     }
 }
 
+impl Law {
+    /// The force if the contact stays in `zone`: on an affine zone the law's affine piece, continued beyond the zone;
+    /// elsewhere the law itself. A guess to start from: `cost` is not set.
+    pub fn respond_in(&self, jar: &[f64], zone: Zone) -> Response {
+        let mut out = Response::open();
+        out.zone = zone;
+        match (self, zone) {
+            (Law::Unilateral { .. } | Law::Elliptic { .. }, Zone::Open) => {}
+            (Law::Pyramidal { .. }, Zone::Open) => {}
+            (Law::Unilateral { stiffness }, Zone::Stick) => {
+                out.force[0] = -stiffness * jar[0];
+                out.hessian[0] = *stiffness;
+            }
+            (Law::Elliptic { stiffness, cone, friction }, Zone::Stick) => {
+                stick(&mut out, jar, *stiffness, *cone, friction);
+            }
+            (Law::Pyramidal { stiffness, friction }, Zone::Facet(edges)) => {
+                push_edges(&mut out, jar, *stiffness, friction, |bit, _| edges & (1 << bit) != 0);
+            }
+            (Law::Slip { centre, resistance, friction, bound: Bound::Ellipsoid(_) }, Zone::Stick) => {
+                let kappa = resistance * friction[0] * friction[0];
+                for j in 0..jar.len() {
+                    let r = kappa / (friction[j] * friction[j]);
+                    out.force[j] = centre[j] - jar[j] / r;
+                    out.hessian[j * MAX_ROWS + j] = 1.0 / r;
+                }
+            }
+            (Law::Slip { centre, resistance, friction, bound: Bound::Box(normals) }, Zone::Facet(saturated)) => {
+                let kappa = resistance * friction[0] * friction[0];
+                for j in 0..jar.len() {
+                    let r = kappa / (friction[j] * friction[j]);
+                    let limit = friction[j] * normals[j];
+                    match (saturated >> (2 * j)) & 0b11 {
+                        0b00 => {
+                            out.force[j] = centre[j] - jar[j] / r;
+                            out.hessian[j * MAX_ROWS + j] = 1.0 / r;
+                        }
+                        0b01 => out.force[j] = -limit,
+                        _ => out.force[j] = limit,
+                    }
+                }
+            }
+            _ => return self.respond(jar),
+        }
+        out
+    }
+}
+
+/// The inside of the elliptic cone: each row a spring of its own, `R_j mu_j^2 = R_0 mu^2` (see [`Law::Elliptic`]).
+fn stick(out: &mut Response, jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) {
+    out.zone = Zone::Stick;
+    for j in 0..jar.len() {
+        let d = if j == 0 { stiffness } else { stiffness * friction[j - 1] * friction[j - 1] / (mu * mu) };
+        out.force[j] = -d * jar[j];
+        out.hessian[j * MAX_ROWS + j] = d;
+    }
+}
+
 fn unilateral(jar: f64, stiffness: f64) -> Response {
     let mut out = Response::open();
     if jar < 0.0 {
@@ -164,15 +222,7 @@ fn elliptic(jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) -> Respon
         return out;
     }
     if mu * normal + tangential <= 0.0 {
-        out.zone = Zone::Stick;
-        out.force[0] = -stiffness * jar[0];
-        out.hessian[0] = stiffness;
-        for j in 1..dim {
-            // R_j mu_j^2 = R_0 mu^2: see `Law::Elliptic`
-            let d = stiffness * friction[j - 1] * friction[j - 1] / (mu * mu);
-            out.force[j] = -d * jar[j];
-            out.hessian[j * MAX_ROWS + j] = d;
-        }
+        stick(&mut out, jar, stiffness, mu, friction);
         out.cost = -0.5 * (0..dim).map(|j| out.force[j] * jar[j]).sum::<f64>();
         return out;
     }
@@ -210,15 +260,31 @@ fn elliptic(jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) -> Respon
 
 fn pyramidal(jar: &[f64], stiffness: f64, friction: &[f64; 5]) -> Response {
     let mut out = Response::open();
+    let edges = push_edges(&mut out, jar, stiffness, friction, |_, residual| residual < 0.0);
+    if edges != 0 {
+        out.zone = Zone::Facet(edges);
+    }
+    out
+}
+
+/// Lets the edges of a pyramid that `pushes` (by number and residual) chooses act; returns them as bits.
+fn push_edges(
+    out: &mut Response,
+    jar: &[f64],
+    stiffness: f64,
+    friction: &[f64; 5],
+    pushes: impl Fn(usize, f64) -> bool,
+) -> u32 {
     let mut edges = 0;
     for j in 1..jar.len() {
         let mu = friction[j - 1];
-        for (bit, sign) in [(0, mu), (1, -mu)] {
+        for (side, sign) in [mu, -mu].into_iter().enumerate() {
+            let bit = 2 * (j - 1) + side;
             let residual = jar[0] + sign * jar[j];
-            if residual >= 0.0 {
+            if !pushes(bit, residual) {
                 continue;
             }
-            edges |= 1 << (2 * (j - 1) + bit);
+            edges |= 1 << bit;
             let push = -stiffness * residual;
             out.cost -= 0.5 * push * residual;
             out.force[0] += push;
@@ -229,10 +295,7 @@ fn pyramidal(jar: &[f64], stiffness: f64, friction: &[f64; 5]) -> Response {
             out.hessian[j * MAX_ROWS + j] += stiffness * sign * sign;
         }
     }
-    if edges != 0 {
-        out.zone = Zone::Facet(edges);
-    }
-    out
+    edges
 }
 
 /// The normal force that each pair of opposing pyramid edges carries: what MuJoCo's noslip pass keeps fixed.

@@ -1,5 +1,7 @@
 //! The contacts between hand and target, read from the engine's collision stage.
 
+use super::cone::Zone;
+use super::mobility::Spatial;
 use super::softness::ContactParameters;
 use super::topology::Topology;
 use super::wrench::ContactForce;
@@ -38,12 +40,25 @@ pub struct GraspContact {
     pub force: Vector3<f64>,
     /// Torque on the target besides that of `force` at `position` [N m].
     pub torque: Vector3<f64>,
-    /// True while friction is at its limit.
-    pub sliding: bool,
+    /// Where the contact stands on its cone: in the pass with soft contacts, and in the friction pass.
+    pub zones: [Zone; 2],
+    /// Force of each row in the pass with soft contacts.
+    pub(super) main: [f64; 6],
     /// Tangential velocity of the target relative to the link [m/s].
     pub slip_velocity: Vector3<f64>,
-    /// Friction force and torque of the same contact in the last step, if it existed.
-    memory: Option<(Vector3<f64>, Vector3<f64>)>,
+    /// The same contact in the last step, if it existed.
+    memory: Option<Memory>,
+}
+
+/// What a contact remembers of the last step, in this step's axes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Memory {
+    /// Force of each row in the pass with soft contacts.
+    pub main: [f64; 6],
+    /// Friction: two tangents, spin, two rolling.
+    pub friction: [f64; 5],
+    /// Where on its cone it was.
+    pub zones: [Zone; 2],
 }
 
 impl GraspContact {
@@ -71,11 +86,33 @@ impl GraspContact {
         self.torque = n * f[3] + t1 * f[4] + t2 * f[5];
     }
 
-    /// Last step's friction force in this step's axes; `None` for a new contact.
-    pub fn remembered_friction(&self) -> Option<[f64; 5]> {
-        let (force, torque) = self.memory?;
-        let [n, t1, t2] = &self.axes;
-        Some([force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)])
+    /// True while friction is at its limit.
+    pub fn is_sliding(&self) -> bool {
+        match self.zones[1] {
+            Zone::Slide => true,
+            Zone::Facet(saturated) => saturated != 0,
+            Zone::Open | Zone::Stick => false,
+        }
+    }
+
+    /// The same contact in the last step; `None` for a new contact.
+    pub(super) fn memory(&self) -> Option<&Memory> {
+        self.memory.as_ref()
+    }
+
+    /// The wrench of a unit force of row `i` on the target, `[torque about point; force]`.
+    pub fn unit_wrench(&self, i: usize, point: &Vector3<f64>) -> Spatial {
+        let axis = &self.axes[i % 3];
+        if i < 3 {
+            spatial(&(self.position - point).cross(axis), axis)
+        } else {
+            spatial(axis, &Vector3::zeros())
+        }
+    }
+
+    /// The wrench of this contact on the target, `[torque about point; force]`.
+    pub fn wrench_about(&self, point: &Vector3<f64>) -> Spatial {
+        spatial(&((self.position - point).cross(&self.force) + self.torque), &self.force)
     }
 
     /// The contact as the quality measures take it.
@@ -126,7 +163,8 @@ impl GraspContact {
             force_rows: [0.0; 6],
             force: Vector3::zeros(),
             torque: Vector3::zeros(),
-            sliding: false,
+            zones: [Zone::Open; 2],
+            main: [0.0; 6],
             slip_velocity: Vector3::zeros(),
             memory: None,
         })
@@ -157,16 +195,22 @@ impl ContactSet {
         }
     }
 
-    /// Friction of the nearest contact of the same two geoms in the last step.
-    fn remembered(&self, contact: &GraspContact) -> Option<(Vector3<f64>, Vector3<f64>)> {
-        self.before
+    /// The nearest contact of the same two geoms in the last step.
+    fn remembered(&self, contact: &GraspContact) -> Option<Memory> {
+        let distance = |c: &GraspContact| (c.position - contact.position).norm_squared();
+        let before = self
+            .before
             .iter()
             .filter(|c| c.geoms == contact.geoms)
-            .min_by(|a, b| {
-                let distance = |c: &GraspContact| (c.position - contact.position).norm_squared();
-                distance(a).total_cmp(&distance(b))
-            })
-            .map(|c| (c.force - c.axes[0] * c.force_rows[0], c.torque))
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let friction = before.force - before.axes[0] * before.force_rows[0];
+        let [n, t1, t2] = &contact.axes;
+        let torque = &before.torque;
+        Some(Memory {
+            main: before.main,
+            friction: [friction.dot(t1), friction.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)],
+            zones: before.zones,
+        })
     }
 
     /// Reads the forces that the engine's own solve gave these contacts.
@@ -189,12 +233,6 @@ impl ContactSet {
         }
     }
 
-    /// Forgets the last step.
-    pub fn forget(&mut self) {
-        self.now.clear();
-        self.before.clear();
-    }
-
     /// The contacts of this step.
     pub fn contacts(&self) -> &[GraspContact] {
         &self.now
@@ -209,6 +247,10 @@ impl ContactSet {
     pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
         self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
     }
+}
+
+fn spatial(rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Spatial {
+    Spatial::new(rotation.x, rotation.y, rotation.z, translation.x, translation.y, translation.z)
 }
 
 /// Velocity of the material point of `body` at `point`, world axes [m/s].

@@ -6,7 +6,7 @@ use super::error::Error;
 use super::merged_solve::MergedSolver;
 use super::phase::{Observation, Phase, PhaseMachine};
 use super::quality::{self, Gram};
-use super::rows::{Dynamics, RowBuilder};
+use super::mobility::Dynamics;
 use super::softness::{ConeKind, SolverOptions};
 use super::solve::{GraspSolver, SolveStatus};
 use super::weld::{self, Settings};
@@ -138,10 +138,10 @@ impl Grasp {
             dof_body: model.dof_bodyid(),
         };
         let topology = Topology::new(&tree, palm.index(), &effectors, spec.target.index());
-        if topology.in_target(palm.index()) {
+        if topology.shares_tree(&tree) {
             return Err(Error::TargetInHand { target: name(spec.target), palm: name(palm) });
         }
-        if !topology.target_moves() {
+        if topology.leaf(spec.target.index()).is_none() {
             return Err(Error::StaticTarget(name(spec.target)));
         }
         let links = if spec.effectors.is_empty() {
@@ -180,11 +180,11 @@ impl Grasp {
             latch_quality,
             release_quality,
             machine: PhaseMachine::new(spec.latch_time),
-            topology,
             set: ContactSet::default(),
             gram: Gram::new(Vector3::zeros(), 0.0),
-            solver: GraspSolver::default(),
+            solver: GraspSolver::new(&topology, model.dof_parentid()),
             status: SolveStatus::default(),
+            topology,
             live: Vec::new(),
             force: GraspForce::default(),
         })
@@ -424,24 +424,24 @@ impl Grasp {
         let model = sim.model();
         let dynamics = Dynamics {
             dof_parent: model.dof_parentid(),
+            dof_body: model.dof_bodyid(),
             dof_address: model.dof_Madr(),
             factor: sim.qLD(),
             inverse_diagonal: sim.qLDiagInv(),
             dof_axis: sim.cdof(),
+            composite_inertia: sim.crb(),
             body_root: model.body_rootid(),
             subtree_com: sim.subtree_com(),
-            velocity: sim.qvel(),
+            body_velocity: sim.cvel(),
             acceleration: sim.qacc_smooth(),
         };
         let options = solver_options(sim);
         self.status = self.solver.solve(&dynamics, &self.topology, &options, self.set.contacts_mut());
-        for c in self.set.contacts() {
-            if !(c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite())) {
-                return Err(Error::Diverged { time: sim.time(), what: "a contact force" });
-            }
-            RowBuilder::add_force(&dynamics, &self.topology, c.target, &c.position, &c.force, &c.torque, out);
-            RowBuilder::add_force(&dynamics, &self.topology, c.link, &c.position, &-c.force, &-c.torque, out);
+        let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
+        if !self.set.contacts().iter().all(finite) {
+            return Err(Error::Diverged { time: sim.time(), what: "a contact force" });
         }
+        self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
         Ok(())
     }
 }

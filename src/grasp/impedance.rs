@@ -1,8 +1,9 @@
-//! Fingers and bodies as the merged grasp needs them: how easily a finger's own joints let a contact move, and the
-//! motion of a body under generalised velocities or accelerations.
+//! Fingers and bodies as the merged grasp needs them: how easily the hand's joints let a contact move, and the motion of
+//! a body under generalised velocities or accelerations.
 //!
-//! MuJoCo factors the mass matrix as `M = L^T D L` from the leaves of the kinematic tree to its base, so the part of the
-//! factor that belongs to a finger's own joints is the factor of `M_ff`, the inertia of the finger with the palm held.
+//! MuJoCo factors the mass matrix as `M = L^T D L` along the kinematic tree, `L` coupling a joint to its ancestors only.
+//! A contact's row `J` becomes `Y = J L^-1 D^-1/2`, with `J M^-1 J^T = Y Y^T`: entries for the finger's own joints, which
+//! no other finger has, and entries for the joints that carry the palm.
 
 use super::contacts::GraspContact;
 use super::dense;
@@ -13,34 +14,46 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 /// Rows of a contact: a force along each of its axes, a torque about each.
 pub(super) const ROWS: usize = 6;
 
-/// Which finger each degree of freedom belongs to, and its place there.
+/// Which finger each degree of freedom belongs to, and its place there; those that carry the palm are the base.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fingers {
-    place: Vec<Option<(usize, usize)>>,
+    place: Vec<Place>,
     joints: Vec<usize>,
+    base: usize,
     row: Vec<f64>,
     whitened: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Finger(usize),
+    Base(usize),
+    Outside,
 }
 
 impl Fingers {
     /// Reads the fingers of a hand.
     pub(super) fn new(model: &CompiledModel, topology: &Topology) -> Fingers {
         let mut joints = vec![0; topology.fingers().len()];
-        let place = model
+        let mut place: Vec<Place> = model
             .dof_bodyid()
             .iter()
-            .map(|&body| {
-                let finger = topology.finger(body as usize)?;
-                joints[finger] += 1;
-                Some((finger, joints[finger] - 1))
+            .map(|&body| match topology.finger(body as usize) {
+                Some(finger) => {
+                    joints[finger] += 1;
+                    Place::Finger(joints[finger] - 1)
+                }
+                None => Place::Outside,
             })
             .collect();
-        Fingers {
-            place,
-            joints,
-            row: Vec::new(),
-            whitened: Vec::new(),
+        let mut base = 0;
+        let mut dof = topology.leaf(topology.palm());
+        while let Some(i) = dof {
+            place[i] = Place::Base(base);
+            base += 1;
+            dof = usize::try_from(model.dof_parentid()[i]).ok();
         }
+        Fingers { place, joints, base, row: Vec::new(), whitened: Vec::new() }
     }
 
     /// Number of fingers.
@@ -48,80 +61,82 @@ impl Fingers {
         self.joints.len()
     }
 
-    /// `J M_ff^-1 J^T` of the stacked rows of contacts `of` that touch one finger (`None`: the palm, which has no joints
-    /// of its own, so zero), row-major, into `out`.
+    /// Number of joints that carry the palm.
+    pub(super) fn base(&self) -> usize {
+        self.base
+    }
+
+    /// The stacked rows of contacts `of` that touch one finger (`None`: the palm, which has no joints of its own):
+    /// `J M_ff^-1 J^T` over the finger's own joints into `mobility`, row-major, and the rows of `Y` for the base's joints
+    /// into `base`. Rows beyond a contact's condim stay zero.
     pub(super) fn mobility(
         &mut self,
         sim: &Simulation,
         topology: &Topology,
         finger: Option<usize>,
-        contacts: &[GraspContact],
-        of: &[usize],
-        out: &mut Vec<f64>,
+        (contacts, of): (&[GraspContact], &[usize]),
+        mobility: &mut Vec<f64>,
+        base: &mut Vec<f64>,
     ) {
         let n = ROWS * of.len();
-        out.clear();
-        out.resize(n * n, 0.0);
-        let Some(finger) = finger else { return };
-        let joints = self.joints[finger];
+        let joints = finger.map_or(0, |finger| self.joints[finger]);
         self.whitened.clear();
         self.whitened.resize(n * joints, 0.0);
+        base.clear();
+        base.resize(n * self.base, 0.0);
         for (k, &i) in of.iter().enumerate() {
-            for row in 0..ROWS {
-                self.whiten(sim, topology, &contacts[i], row, (ROWS * k + row) * joints);
+            for row in 0..contacts[i].parameters.condim.min(ROWS) {
+                let at = ROWS * k + row;
+                let own = &mut self.whitened[at * joints..(at + 1) * joints];
+                let shared = &mut base[at * self.base..(at + 1) * self.base];
+                whiten(sim, topology, &contacts[i], row, &self.place, &mut self.row, own, shared);
             }
         }
+        mobility.clear();
+        mobility.resize(n * n, 0.0);
         for i in 0..n {
             let a = &self.whitened[i * joints..(i + 1) * joints];
             for j in 0..=i {
-                let b = &self.whitened[j * joints..(j + 1) * joints];
-                let value = dense::dot(a, b);
-                out[i * n + j] = value;
-                out[j * n + i] = value;
+                let value = dense::dot(a, &self.whitened[j * joints..(j + 1) * joints]);
+                mobility[i * n + j] = value;
+                mobility[j * n + i] = value;
             }
         }
     }
+}
 
-    /// `J L^-1 D^-1/2` of one row over the finger's joints, into the whitened rows from `at` on.
-    fn whiten(
-        &mut self,
-        sim: &Simulation,
-        topology: &Topology,
-        contact: &GraspContact,
-        row: usize,
-        at: usize,
-    ) {
-        let model = sim.model();
-        let (parent, address) = (model.dof_parentid(), model.dof_Madr());
-        let place = &self.place;
-        let own = |dof: &usize| place[*dof].is_some();
-        let next = |dof: usize| usize::try_from(parent[dof]).ok().filter(own);
-        let first = topology.leaf(contact.link).filter(own);
-        let (turn, push) = direction(contact, row, &reference_point(sim, contact.link));
-        self.row.clear();
-        let mut dof = first;
-        while let Some(i) = dof {
-            self.row.push(power(&sim.cdof()[6 * i..], &turn, &push));
-            dof = next(i);
+/// One row of `Y`, into the finger's own joints and those of the base.
+#[allow(clippy::too_many_arguments)]
+fn whiten(
+    sim: &Simulation,
+    topology: &Topology,
+    contact: &GraspContact,
+    row: usize,
+    place: &[Place],
+    chain: &mut Vec<f64>,
+    own: &mut [f64],
+    shared: &mut [f64],
+) {
+    let (turn, push) = direction(contact, row, &reference_point(sim, contact.link));
+    chain.clear();
+    for_each_dof(sim, topology, contact.link, |dof| {
+        chain.push(power(&sim.cdof()[6 * dof..], &turn, &push));
+    });
+    let address = sim.model().dof_Madr();
+    let mut k = 0;
+    for_each_dof(sim, topology, contact.link, |dof| {
+        let value = chain[k];
+        let start = address[dof] as usize + 1;
+        k += 1;
+        let ancestors = &mut chain[k..];
+        dense::axpy(-value, &sim.qLD()[start..start + ancestors.len()], ancestors);
+        let whitened = value * sim.qLDiagInv()[dof].sqrt();
+        match place[dof] {
+            Place::Finger(index) => own[index] = whitened,
+            Place::Base(index) => shared[index] = whitened,
+            Place::Outside => {}
         }
-        let mut dof = first;
-        let mut k = 0;
-        while let Some(i) = dof {
-            let value = self.row[k];
-            let ancestors = self.row.len() - k - 1;
-            let start = address[i] as usize + 1;
-            dense::axpy(
-                -value,
-                &sim.qLD()[start..start + ancestors],
-                &mut self.row[k + 1..],
-            );
-            if let Some((_, index)) = self.place[i] {
-                self.whitened[at + index] = value * sim.qLDiagInv()[i].sqrt();
-            }
-            k += 1;
-            dof = next(i);
-        }
-    }
+    });
 }
 
 /// Direction of row `row` of a contact as a torque about `point` and a force, world axes.

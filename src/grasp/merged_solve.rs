@@ -25,7 +25,7 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 const RESISTANCE: f64 = 1e-3;
 /// Resistance of the rows that a contact does not have (beyond its condim), relative to the bodies' mobility: enough to
 /// say how the merged part turns where the contacts leave it free, too little to be felt where they do not.
-const ABSENT: f64 = 1e6;
+const ABSENT: f64 = 1e8;
 /// Least lever by which a mobility against forces becomes one against torques [m].
 const LEAST_LEVER: f64 = 1e-3;
 
@@ -60,6 +60,7 @@ pub(super) struct MergedSolver {
 struct Scratch {
     group: Vec<usize>,
     mobility: Vec<f64>,
+    base: Vec<f64>,
     maps: Vec<Vector6<f64>>,
     resistances: Vec<f64>,
     bias: Vec<f64>,
@@ -212,17 +213,17 @@ impl MergedSolver {
         contacts: &[GraspContact],
     ) {
         let lever = mean_distance(contacts).max(LEAST_LEVER);
-        self.merged.begin();
+        self.merged.begin(self.fingers.base());
         self.order.clear();
         self.laws.clear();
-        let Scratch { group, mobility, maps, resistances, .. } = &mut self.scratch;
+        let Scratch { group, mobility, base, maps, resistances, .. } = &mut self.scratch;
         for finger in std::iter::once(None).chain((0..self.fingers.count()).map(Some)) {
             group.clear();
             group.extend((0..contacts.len()).filter(|&i| contacts[i].finger == finger));
             if group.is_empty() {
                 continue;
             }
-            self.fingers.mobility(sim, topology, finger, contacts, group, mobility);
+            self.fingers.mobility(sim, topology, finger, (contacts, group), mobility, base);
             maps.clear();
             resistances.clear();
             let n = ROWS * group.len();
@@ -243,7 +244,7 @@ impl MergedSolver {
                 self.laws.push(law);
                 self.order.push(i);
             }
-            self.merged.add_finger(mobility, maps, resistances);
+            self.merged.add_finger(mobility, base, maps, resistances);
         }
     }
 

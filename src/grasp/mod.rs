@@ -1,6 +1,7 @@
 //! Grasps: contacts -> quality -> phase -> constraint.
 pub mod arrow;
 pub mod bounds;
+pub mod cholesky;
 pub mod closure;
 pub mod cone;
 mod conic;
@@ -13,10 +14,10 @@ pub mod hull;
 mod impedance;
 pub mod merged;
 mod merged_solve;
+pub mod mobility;
 pub mod phase;
 pub mod quality;
 mod quickhull;
-pub mod rows;
 pub mod softness;
 pub mod solve;
 mod step;

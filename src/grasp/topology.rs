@@ -18,31 +18,17 @@ pub struct Tree<'a> {
     pub dof_body: &'a [i32],
 }
 
-/// Place of a degree of freedom in the grasp problem.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Slot {
-    /// Unknown `index` of the root.
-    Root(usize),
-    /// Unknown `index` of finger `finger`.
-    Finger {
-        /// Which finger.
-        finger: usize,
-        /// Which of its unknowns.
-        index: usize,
-    },
-    /// Not a part of hand or target.
-    Outside,
-}
-
 /// Hand and target as the solver sees them. Computed once for a grasp.
 #[derive(Clone, Debug)]
 pub struct Topology {
-    slots: Vec<Slot>,
+    palm: usize,
+    target: usize,
     /// Last degree of freedom on the way from the world to each body.
     leaf: Vec<Option<usize>>,
-    /// Number of unknowns of each finger.
-    fingers: Vec<usize>,
-    root: usize,
+    /// Finger of each body of the hand; `None` for the palm and what is fixed to it.
+    finger: Vec<Option<usize>>,
+    /// Degrees of freedom of each finger, parents first.
+    fingers: Vec<Vec<usize>>,
     in_hand: Vec<bool>,
     in_target: Vec<bool>,
 }
@@ -73,7 +59,7 @@ pub fn lowest_common_ancestor(body_parent: &[i32], bodies: &[usize]) -> usize {
 impl Topology {
     /// Cuts the tree. `palm` is the base of the fingers (0, the world, for fingers that stand on it), `effectors` the
     /// links that may hold the target. With a palm, every body below it is part of the hand; without, the bodies of
-    /// the subtrees (children of the world) that hold an effector.
+    /// the subtrees (children of the world) that hold an effector. The target is its body with all that is fixed to it.
     pub fn new(tree: &Tree<'_>, palm: usize, effectors: &[usize], target: usize) -> Topology {
         let bodies = tree.body_parent.len();
         let base = |mut body: usize| {
@@ -82,11 +68,16 @@ impl Topology {
             }
             body
         };
-        let target_base = base(target);
-        let in_target: Vec<bool> = (0..bodies).map(|b| b != 0 && base(b) == target_base).collect();
+        let rigid_base = |mut body: usize| {
+            while body != 0 && tree.body_dofnum[body] == 0 {
+                body = tree.body_parent[body] as usize;
+            }
+            body
+        };
+        let in_target: Vec<bool> = (0..bodies).map(|b| b != 0 && rigid_base(b) == rigid_base(target)).collect();
         let in_hand: Vec<bool> = (0..bodies)
             .map(|b| {
-                !in_target[b]
+                base(b) != base(target)
                     && if palm == 0 {
                         b != 0 && effectors.iter().any(|&e| base(e) == base(b))
                     } else {
@@ -95,60 +86,38 @@ impl Topology {
             })
             .collect();
         let leaf: Vec<Option<usize>> = (0..bodies)
-            .map(|mut b| {
-                while b != 0 && tree.body_dofnum[b] == 0 {
-                    b = tree.body_parent[b] as usize;
-                }
-                (tree.body_dofnum[b] > 0).then(|| (tree.body_dofadr[b] + tree.body_dofnum[b] - 1) as usize)
-            })
+            .map(|b| rigid_base(b))
+            .map(|b| (tree.body_dofnum[b] > 0).then(|| (tree.body_dofadr[b] + tree.body_dofnum[b] - 1) as usize))
             .collect();
 
-        let dofs = tree.dof_parent.len();
-        let mut topology = Topology {
-            slots: vec![Slot::Outside; dofs],
-            leaf,
-            fingers: Vec::new(),
-            root: 0,
-            in_hand,
-            in_target,
-        };
-        if palm != 0 {
-            let mut dof = topology.leaf[palm];
-            while let Some(i) = dof {
-                topology.slots[i] = Slot::Root(topology.root);
-                topology.root += 1;
-                dof = usize::try_from(tree.dof_parent[i]).ok();
-            }
-        }
-        for i in 0..dofs {
-            let body = tree.dof_body[i] as usize;
-            if topology.slots[i] != Slot::Outside {
+        let mut fingers: Vec<Vec<usize>> = Vec::new();
+        let mut finger_of_dof: Vec<Option<usize>> = vec![None; tree.dof_parent.len()];
+        for dof in 0..tree.dof_parent.len() {
+            let body = tree.dof_body[dof] as usize;
+            if !in_hand[body] || is_ancestor(tree.body_parent, body, palm) {
                 continue;
             }
-            if topology.in_target[body] {
-                topology.slots[i] = Slot::Root(topology.root);
-                topology.root += 1;
-            } else if topology.in_hand[body] {
-                // parents come before their children
-                let parent = usize::try_from(tree.dof_parent[i]).ok().map(|p| topology.slots[p]);
-                let finger = match parent {
-                    Some(Slot::Finger { finger, .. }) => finger,
-                    _ => {
-                        topology.fingers.push(0);
-                        topology.fingers.len() - 1
-                    }
-                };
-                let index = topology.fingers[finger];
-                topology.slots[i] = Slot::Finger { finger, index };
-                topology.fingers[finger] += 1;
-            }
+            // parents come before their children
+            let parent = usize::try_from(tree.dof_parent[dof]).ok().and_then(|p| finger_of_dof[p]);
+            let finger = parent.unwrap_or_else(|| {
+                fingers.push(Vec::new());
+                fingers.len() - 1
+            });
+            fingers[finger].push(dof);
+            finger_of_dof[dof] = Some(finger);
         }
-        topology
+        let finger = leaf.iter().map(|leaf| leaf.and_then(|dof| finger_of_dof[dof])).collect();
+        Topology { palm, target, leaf, finger, fingers, in_hand, in_target }
     }
 
-    /// Place of degree of freedom `dof`.
-    pub fn slot(&self, dof: usize) -> Slot {
-        self.slots[dof]
+    /// Base of the fingers.
+    pub fn palm(&self) -> usize {
+        self.palm
+    }
+
+    /// The body that is held.
+    pub fn target(&self) -> usize {
+        self.target
     }
 
     /// Last degree of freedom on the way from the world to `body`.
@@ -158,20 +127,12 @@ impl Topology {
 
     /// The finger that `body` belongs to; `None` for the palm and bodies fixed to it.
     pub fn finger(&self, body: usize) -> Option<usize> {
-        match self.slots[self.leaf[body]?] {
-            Slot::Finger { finger, .. } => Some(finger),
-            _ => None,
-        }
+        self.finger[body]
     }
 
-    /// Number of unknowns of each finger.
-    pub fn fingers(&self) -> &[usize] {
+    /// Degrees of freedom of each finger.
+    pub fn fingers(&self) -> &[Vec<usize>] {
         &self.fingers
-    }
-
-    /// Number of shared unknowns: the palm's degrees of freedom and the target's.
-    pub fn root(&self) -> usize {
-        self.root
     }
 
     /// True for the palm and all below it.
@@ -179,14 +140,64 @@ impl Topology {
         self.in_hand[body]
     }
 
-    /// True for the target and all that hangs on it.
+    /// True for the target and all that is fixed to it.
     pub fn in_target(&self, body: usize) -> bool {
         self.in_target[body]
     }
 
-    /// True if the target can move.
-    pub fn target_moves(&self) -> bool {
-        (0..self.slots.len()).any(|i| matches!(self.slots[i], Slot::Root(_)))
-            && self.in_target.iter().zip(&self.leaf).any(|(&t, l)| t && l.is_some())
+    /// True if the target hangs on the hand's own tree, so that hand and target are one mechanism.
+    pub fn shares_tree(&self, tree: &Tree<'_>) -> bool {
+        self.palm != 0
+            && (is_ancestor(tree.body_parent, self.palm, self.target)
+                || !self.in_hand.iter().any(|&h| h))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// world - arm(1) - palm(2) - fingers 3, 4 (two links: 4, 5), fixed tip 6 on 5; target 7 with a fixed part 8.
+    fn hand() -> ([i32; 9], [i32; 9], [i32; 9], Vec<i32>, Vec<i32>) {
+        let parent = [0, 0, 1, 2, 2, 4, 5, 0, 7];
+        let dofnum = [0, 2, 1, 2, 1, 1, 0, 6, 0];
+        let dofadr = [-1, 0, 2, 3, 5, 6, -1, 7, -1];
+        let dof_parent = vec![-1, 0, 1, 2, 3, 2, 5, -1, 7, 8, 9, 10, 11];
+        let dof_body = vec![1, 1, 2, 3, 3, 4, 5, 7, 7, 7, 7, 7, 7];
+        (parent, dofadr, dofnum, dof_parent, dof_body)
+    }
+
+    #[test]
+    fn fingers_are_the_subtrees_of_the_palm() {
+        let (parent, dofadr, dofnum, dof_parent, dof_body) = hand();
+        let tree = Tree {
+            body_parent: &parent,
+            body_dofadr: &dofadr,
+            body_dofnum: &dofnum,
+            dof_parent: &dof_parent,
+            dof_body: &dof_body,
+        };
+        let topology = Topology::new(&tree, 2, &[3, 6], 7);
+        assert_eq!(topology.fingers(), [vec![3, 4], vec![5, 6]]);
+        assert_eq!(topology.finger(6), Some(1));
+        assert_eq!(topology.finger(2), None);
+        assert_eq!(topology.leaf(6), Some(6));
+        assert_eq!(topology.leaf(8), Some(12));
+        assert!(topology.in_target(8) && !topology.in_target(0) && !topology.in_hand(7));
+        assert!(topology.in_hand(2) && !topology.in_hand(1));
+        assert!(!topology.shares_tree(&tree));
+        // fingers that stand on the world
+        let world = Topology::new(&tree, 0, &[3, 6], 7);
+        assert_eq!(world.fingers(), [vec![0, 1, 2, 3, 4, 5, 6]]);
+        // the hand's own link as target
+        assert!(Topology::new(&tree, 2, &[3], 6).shares_tree(&tree));
+    }
+
+    #[test]
+    fn lowest_common_ancestor_of_two_fingers_is_the_palm() {
+        let (parent, ..) = hand();
+        assert_eq!(lowest_common_ancestor(&parent, &[3, 6]), 2);
+        assert_eq!(lowest_common_ancestor(&parent, &[6]), 6);
+        assert_eq!(lowest_common_ancestor(&parent, &[3, 7]), 0);
     }
 }

@@ -146,6 +146,8 @@ impl Simulation {
         geom_friction => geom_friction_mut: f64 [ngeom x 3], "Friction (slide, spin, roll) of each geom, to write";
         geom_rgba => geom_rgba_mut: f32 [ngeom x 4], "Colour of each geom without material, to write";
         dof_damping => dof_damping_mut: f64 [nv], "Damping of each degree of freedom, to write";
+        dof_armature => dof_armature_mut: f64 [nv], "Armature inertia of each degree of freedom, to write (a simple body takes `dof_M0` instead)";
+        dof_M0 => dof_M0_mut: f64 [nv], "Diagonal inertia, which the degrees of freedom of simple bodies take, to write";
         dof_frictionloss => dof_frictionloss_mut: f64 [nv], "Friction loss of each degree of freedom, to write";
         jnt_stiffness => jnt_stiffness_mut: f64 [njnt], "Stiffness of each joint, to write";
         actuator_gainprm => actuator_gainprm_mut: f64 [nu x 10], "Gain parameters of each actuator, to write";

@@ -1,1 +1,24 @@
+//! Scenarios: files that say what a hand does to an object, and what became of it.
+//!
+//! ```text
+//! source -> file -> plan -> runner -> trajectory -> outcome -> compare
+//! (where)  (TOML)  (names) (steps)    (samples)    (one run)  (both modes)
+//! ```
+pub mod bench;
+pub mod builtin;
+pub mod compare;
+pub mod control;
+pub mod error;
+pub mod file;
+pub mod measure;
+pub mod onset;
+pub mod outcome;
+mod pin;
+pub mod plan;
+pub mod run;
+pub mod runner;
+pub mod source;
+pub mod tracker;
+pub mod trajectory;
 
+pub use error::Error;

@@ -1,1 +1,55 @@
-fn main() {}
+//! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See design/contract.md for what scripts rely on.
+#![forbid(unsafe_code)]
+
+mod bench;
+mod list;
+mod output;
+mod progress;
+mod quality;
+mod run;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use output::Output;
+
+/// Grasps on MuJoCo: once a grasp is good enough, its contacts become one six-axis constraint.
+///
+/// SCENARIO is the name of a built-in scenario (see `list`) or the path of a scenario file.
+#[derive(Debug, Parser)]
+#[command(name = "mujoco-grasp", version)]
+struct Cli {
+    /// One JSON object on standard output, and nothing else there.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Lists the built-in scenarios.
+    List,
+    /// Simulates a scenario in both modes, push by push, and compares.
+    Run(run::Args),
+    /// Times the holding phase.
+    Bench(bench::Args),
+    /// Grasp quality when measuring starts.
+    Quality(quality::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return output::usage(&error),
+    };
+    let output = Output { json: cli.json };
+    let result = match &cli.command {
+        Command::List => list::list(output),
+        Command::Run(args) => run::run(args, output),
+        Command::Bench(args) => bench::bench(args, output),
+        Command::Quality(args) => quality::quality(args, output),
+    };
+    result.unwrap_or_else(|error| output.fail(&error))
+}

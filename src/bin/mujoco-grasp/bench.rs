@@ -1,0 +1,74 @@
+//! `mujoco-grasp bench`.
+
+use std::process::ExitCode;
+
+use mujoco_grasp::scenario::bench::{PARTS, Phases, Report, Timing, bench as measure};
+use mujoco_grasp::scenario::plan::Plan;
+
+use crate::output::{Output, complain, number, table};
+use crate::progress::Progress;
+
+/// `bench SCENARIO`
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A built-in scenario's name, or the path of a scenario file.
+    scenario: String,
+    /// Timed steps of each variant.
+    #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..))]
+    steps: u32,
+}
+
+/// Times the holding phase.
+pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
+    let plan = Plan::load(&args.scenario)?;
+    let progress = Progress::new(PARTS, "timing");
+    let report = measure(&plan, args.steps as usize, &|n| progress.advance(n));
+    progress.finish();
+    let report = report?;
+    if !report.latched {
+        complain("warning", "the grasp is not latched at measure_from: its steps are those of the full solve");
+    }
+    if report.pushed.is_none() {
+        complain("warning", "no push makes the target slip: there is nothing to time for \"pushed\"");
+    }
+    output.write(&report, || text(&report))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn text(report: &Report) -> String {
+    let mut text = format!("{}: {} degrees of freedom, MuJoCo {}\n", report.scenario, report.nv, report.engine);
+    text.push_str(&format!("inverse kinematics: {} us per solve\n", number(report.ik_us, 1.0, 2)));
+    text.push_str(&phases("still", &report.still));
+    if let Some(pushed) = &report.pushed {
+        let share = report.onset_factor.map(|f| 0.5 * f);
+        text.push_str(&phases(&format!("pushed (the first push times +-{})", number(share, 1.0, 3)), pushed));
+    }
+    text
+}
+
+fn phases(title: &str, phases: &Phases) -> String {
+    let row = |name: &str, t: &Timing| {
+        let solver = match (&t.solver, t.kept_outcome) {
+            (Some(solver), Some(false)) => format!("{solver} (another outcome)"),
+            (Some(solver), _) => solver.clone(),
+            (None, _) => String::new(),
+        };
+        vec![name.to_owned(), number(t.step_us, 1.0, 2), number(t.contact_us, 1.0, 2), solver]
+    };
+    let ratio = |name: &str, step: Option<f64>, contact: Option<f64>| {
+        vec![name.to_owned(), number(step, 1.0, 2), number(contact, 1.0, 2), String::new()]
+    };
+    let r = &phases.ratio;
+    let head = ["", "step us", "contact us", "solver"].map(str::to_owned).to_vec();
+    let rows = [
+        head,
+        row("full", &phases.full),
+        row("full, noslip 10", &phases.full_noslip),
+        row("grasp", &phases.grasp),
+        row("floor", &phases.floor),
+        ratio("full / grasp", r.step, r.contact),
+        ratio("full noslip / grasp", r.step_noslip, r.contact_noslip),
+        ratio("grasp / floor", r.step_over_floor, None),
+    ];
+    format!("\n{title}, medians of {} steps each\n{}", phases.steps, table(&rows))
+}

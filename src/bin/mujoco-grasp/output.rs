@@ -1,0 +1,97 @@
+//! What goes to standard output and to standard error, and the exit status.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use mujoco_grasp::scenario;
+use serde::Serialize;
+use serde_json::json;
+
+/// Exit status of anything that failed but bad input.
+pub const FAILURE: u8 = 1;
+/// Exit status of bad usage and bad input.
+pub const BAD_INPUT: u8 = 2;
+
+/// Where results go.
+#[derive(Clone, Copy, Debug)]
+pub struct Output {
+    /// One JSON object instead of tables.
+    pub json: bool,
+}
+
+impl Output {
+    /// Writes the result: `value` as JSON, or `text`.
+    pub fn write(self, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+        let mut out = if self.json { serde_json::to_string_pretty(value)? } else { text().trim_end().to_owned() };
+        out.push('\n');
+        match std::io::stdout().lock().write_all(out.as_bytes()) {
+            // The reader has seen enough, as in `| head`.
+            Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+            other => Ok(other?),
+        }
+    }
+
+    /// Tells of an error that left no result, and gives its exit status.
+    pub fn fail(self, error: &anyhow::Error) -> ExitCode {
+        let message = format!("{error:#}");
+        complain("error", &message);
+        if self.json {
+            // A message on standard error has been given; nothing more can be done if this one fails.
+            let _ = self.write(&json!({ "error": message }), String::new);
+        }
+        status(error)
+    }
+}
+
+/// 2 for bad input, 1 for the rest.
+pub fn status(error: &anyhow::Error) -> ExitCode {
+    let bad = error.chain().filter_map(|e| e.downcast_ref::<scenario::Error>()).any(scenario::Error::is_bad_input);
+    ExitCode::from(if bad { BAD_INPUT } else { FAILURE })
+}
+
+/// Answers a command line that cannot be parsed, or that asks for help.
+pub fn usage(error: &clap::Error) -> ExitCode {
+    let asked = !error.use_stderr();
+    // Nothing can be done if the terminal is gone.
+    let _ = error.print();
+    if asked {
+        return ExitCode::SUCCESS;
+    }
+    if std::env::args_os().any(|a| a == "--json") {
+        let message = error.to_string().trim().to_owned();
+        let _ = Output { json: true }.write(&json!({ "error": message }), String::new);
+    }
+    ExitCode::from(BAD_INPUT)
+}
+
+/// One line on standard error.
+pub fn complain(kind: &str, message: &str) {
+    // Nothing can be done if standard error is gone.
+    let _ = writeln!(std::io::stderr().lock(), "{kind}: {message}");
+}
+
+/// Columns, the first aligned left and the others right.
+pub fn table(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut text = String::new();
+    for row in rows {
+        let mut line = String::new();
+        for (c, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            if c == 0 {
+                line.push_str(&format!("{cell:<width$}"));
+            } else {
+                line.push_str(&format!("  {cell:>width$}"));
+            }
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+/// `value * scale` with `digits` decimals; "-" for what does not exist.
+pub fn number(value: Option<f64>, scale: f64, digits: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |v| format!("{:.digits$}", v * scale))
+}

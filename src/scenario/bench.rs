@@ -1,0 +1,364 @@
+//! What a held grasp costs: four variants of the same scene, interleaved, by one clock around the same stages.
+//!
+//! All start from the state of the grasp mode at `measure_from`, with the actuators' targets of that time:
+//! - `full`: MuJoCo's own contact solve without noslip; `full_noslip`: with 10 iterations of it. Each with the cheapest
+//!   of Newton, CG and PGS on dense and sparse matrices that keeps the outcome;
+//! - `grasp`: the grasp controller, latched;
+//! - `floor`: no collision, no contacts, no grasp.
+//!
+//! The variants take turns of half a second of simulation, each turn from the saved state, in an order that rotates.
+
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::error::Error;
+use super::onset::{advance, full_at_measure, onset, outcome};
+use super::outcome::{Outcome, median};
+use super::plan::{Plan, Push};
+use super::run::Options;
+use super::runner::{Mode, Runner};
+use crate::grasp::{self, Grasp, Phase, StageClock};
+use crate::mujoco::{self, BodyId, JacobianStorage, Simulation, Solver, State};
+
+/// Simulated time of one turn \[s\]: both signs of the push.
+const TURN: f64 = 0.5;
+/// The push turns its sign this often \[s\].
+const SIGN: f64 = 0.25;
+/// The push over the size at which the target ceases to be held.
+const SHARE_OF_ONSET: f64 = 0.5;
+/// Turns with which candidates for the full solve are compared.
+const TRIAL_TURNS: usize = 4;
+/// Noslip iterations of `full_noslip`.
+const NOSLIP: usize = 10;
+/// Solves that the cost of inverse kinematics is the median of.
+const IK_SOLVES: usize = 2000;
+/// How far their goals move from one to the next \[m\].
+const IK_STEP: f64 = 0.001;
+
+/// The JSON object of `bench`.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Version of MuJoCo.
+    pub engine: String,
+    /// Degrees of freedom.
+    pub nv: usize,
+    /// No push.
+    pub still: Phases,
+    /// Along the first push; `None` if there is none, or nothing makes it slip.
+    pub pushed: Option<Phases>,
+    /// Median time of one inverse-kinematics solve whose goals moved by 1 mm \[us\]; `None` without goals.
+    pub ik_us: Option<f64>,
+    /// The first push times this is the smallest that is not held; `None` as for `pushed`.
+    pub onset_factor: Option<f64>,
+    /// Whether the grasp was latched when timing started.
+    pub latched: bool,
+}
+
+/// The four variants under one load.
+#[derive(Debug, Serialize)]
+pub struct Phases {
+    /// Timed steps of each variant.
+    pub steps: usize,
+    /// MuJoCo's own solve without noslip.
+    pub full: Timing,
+    /// The same with 10 noslip iterations.
+    pub full_noslip: Timing,
+    /// The grasp controller.
+    pub grasp: Timing,
+    /// No contacts at all.
+    pub floor: Timing,
+    /// How they compare.
+    pub ratio: Ratio,
+}
+
+/// Medians over all steps of a variant.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timing {
+    /// Whole step \[us\].
+    pub step_us: Option<f64>,
+    /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\].
+    pub contact_us: Option<f64>,
+    /// Solver and storage of the full solves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver: Option<String>,
+    /// Whether that solver kept the outcome, as every candidate should.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept_outcome: Option<bool>,
+    /// Steps after which the grasp was not latched, which cost what contacts cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unlatched_steps: Option<usize>,
+}
+
+/// Ratios of medians.
+#[derive(Debug, Serialize)]
+pub struct Ratio {
+    /// full over grasp, contact part.
+    pub contact: Option<f64>,
+    /// full_noslip over grasp, contact part.
+    pub contact_noslip: Option<f64>,
+    /// full over grasp, whole step.
+    pub step: Option<f64>,
+    /// full_noslip over grasp, whole step.
+    pub step_noslip: Option<f64>,
+    /// grasp over floor, whole step.
+    pub step_over_floor: Option<f64>,
+}
+
+/// A wrench on the target whose sign turns.
+#[derive(Clone, Copy, Debug)]
+struct Load {
+    body: BodyId,
+    force: Vector3<f64>,
+    torque: Vector3<f64>,
+}
+
+/// One way of stepping the scene.
+struct Variant {
+    sim: Simulation,
+    /// The controllers as they are in the saved state, and at work; none in the engine's own solves.
+    grasps: Option<(Vec<Grasp>, Vec<Grasp>)>,
+    step_ns: Vec<f64>,
+    contact_ns: Vec<f64>,
+    unlatched: usize,
+    name: Option<(String, bool)>,
+}
+
+/// Times the holding phase, at least `steps` steps of each variant. `progress` is told of finished parts out of [`PARTS`].
+///
+/// # Errors
+/// A scenario that cannot be set up, or a simulation that fails.
+pub fn bench(plan: &Plan, steps: usize, progress: &dyn Fn(u64)) -> Result<Report, Error> {
+    let from = plan.timeline.measure_from();
+    let mut held = Runner::new(plan, Mode::Grasp, None)?;
+    advance(&mut held, from)?;
+    let ik_us = ik_cost(&held)?;
+    let latched = held.grasp().phase() == Phase::Grasped;
+    let reference = full_at_measure(plan, Options::default())?;
+    let onset_factor = plan.pushes.first().and_then(|push| onset(&reference, plan, push));
+    progress(1);
+    let (sim, grasps) = held.into_parts();
+    let state = sim.save();
+    let bench = Bench { plan, reference, sim, grasps, state, steps };
+    let still = bench.phases(None)?;
+    progress(1);
+    let pushed = match (plan.pushes.first(), onset_factor) {
+        (Some(push), Some(factor)) => Some(bench.phases(Some(&push.scaled(SHARE_OF_ONSET * factor)))?),
+        _ => None,
+    };
+    progress(1);
+    Ok(Report {
+        scenario: plan.name.clone(),
+        engine: mujoco::mujoco_version(),
+        nv: plan.model.nv(),
+        still,
+        pushed,
+        ik_us,
+        onset_factor,
+        latched,
+    })
+}
+
+/// Parts of [`bench`] that progress is told of.
+pub const PARTS: u64 = 3;
+
+struct Bench<'a> {
+    plan: &'a Plan,
+    /// Full mode with the MJCF's options at `measure_from`.
+    reference: Runner,
+    sim: Simulation,
+    grasps: Vec<Grasp>,
+    state: State,
+    steps: usize,
+}
+
+impl Bench<'_> {
+    fn phases(&self, push: Option<&Push>) -> Result<Phases, Error> {
+        let load = push.map(|p| Load { body: p.body, force: p.force, torque: p.torque });
+        let mut floor = self.engine_variant(None)?;
+        floor.sim.set_contacts_enabled(false);
+        let mut variants = [
+            self.cheapest(0, push, load)?,
+            self.cheapest(NOSLIP, push, load)?,
+            Variant::new(self.sim.try_clone()?, Some((self.grasps.clone(), self.grasps.clone())), None),
+            floor,
+        ];
+        self.take_turns(&mut variants, self.steps.div_ceil(self.turn()), load)?;
+        let [full, full_noslip, grasp, floor] = variants.map(|v| v.timing());
+        let over = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a / b).filter(|r| r.is_finite());
+        let ratio = Ratio {
+            contact: over(full.contact_us, grasp.contact_us),
+            contact_noslip: over(full_noslip.contact_us, grasp.contact_us),
+            step: over(full.step_us, grasp.step_us),
+            step_noslip: over(full_noslip.step_us, grasp.step_us),
+            step_over_floor: over(grasp.step_us, floor.step_us),
+        };
+        let steps = self.steps.div_ceil(self.turn()) * self.turn();
+        Ok(Phases { steps, full, full_noslip, grasp, floor, ratio })
+    }
+
+    /// Steps of one turn.
+    fn turn(&self) -> usize {
+        ((TURN / self.plan.model.timestep()).round() as usize).max(1)
+    }
+
+    /// MuJoCo's own solve on the model as it was loaded.
+    fn engine_variant(&self, name: Option<(String, bool)>) -> Result<Variant, Error> {
+        Ok(Variant::new(Simulation::new(&self.plan.model)?, None, name))
+    }
+
+    /// The cheapest solver for the full solve with so many noslip iterations that keeps the outcome; of all that
+    /// do not lose the target if none does (without noslip a still hand creeps).
+    fn cheapest(&self, noslip: usize, push: Option<&Push>, load: Option<Load>) -> Result<Variant, Error> {
+        let still = Push {
+            name: "none".into(),
+            grasp: 0,
+            body: self.reference.grasp().target(),
+            start: 0.0,
+            end: 0.0,
+            force: Vector3::zeros(),
+            torque: Vector3::zeros(),
+        };
+        let push = push.unwrap_or(&still);
+        let wanted = outcome(&self.reference, self.plan, push);
+        let mut candidates: Vec<Variant> = Vec::new();
+        for solver in [Solver::Newton, Solver::Cg, Solver::Pgs] {
+            for storage in [JacobianStorage::Dense, JacobianStorage::Sparse] {
+                let mut trial = self.reference.clone();
+                configure(trial.sim_mut(), solver, storage, noslip)?;
+                let found = outcome(&trial, self.plan, push);
+                if found != Outcome::Lost || found == wanted {
+                    let name = format!("{solver:?} {storage:?} noslip {noslip}").to_lowercase();
+                    let mut variant = self.engine_variant(Some((name, found == wanted)))?;
+                    configure(&mut variant.sim, solver, storage, noslip)?;
+                    candidates.push(variant);
+                }
+            }
+        }
+        if candidates.iter().any(Variant::kept_outcome) {
+            candidates.retain(Variant::kept_outcome);
+        }
+        if candidates.is_empty() {
+            let mut own = self.engine_variant(Some((format!("the model's own, noslip {noslip}"), false)))?;
+            own.sim.set_noslip_iterations(noslip)?;
+            return Ok(own);
+        }
+        self.take_turns(&mut candidates, TRIAL_TURNS, load)?;
+        let cost = |v: &Variant| median(v.step_ns.clone()).unwrap_or(f64::INFINITY);
+        let best = candidates.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
+        let Some(mut best) = best else { return self.engine_variant(None) };
+        best.forget();
+        Ok(best)
+    }
+
+    /// Every variant runs `turns` turns, one variant after the other, from the saved state.
+    fn take_turns(&self, variants: &mut [Variant], turns: usize, load: Option<Load>) -> Result<(), Error> {
+        let n = variants.len();
+        for turn in 0..turns {
+            for k in 0..n {
+                self.turn_of(&mut variants[(k + turn) % n], load)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn turn_of(&self, variant: &mut Variant, load: Option<Load>) -> Result<(), Error> {
+        variant.sim.restore(&self.state)?;
+        if let Some((saved, working)) = &mut variant.grasps {
+            working.clone_from(saved);
+        }
+        let timestep = self.plan.model.timestep();
+        for k in 0..self.turn() {
+            let time = k as f64 * timestep;
+            if let Some(load) = load {
+                load.apply(&mut variant.sim, time);
+            }
+            let failed = |source| Error::Step { what: "bench".into(), time: self.state.time + time, source };
+            variant.step().map_err(failed)?;
+        }
+        Ok(())
+    }
+}
+
+impl Load {
+    fn apply(&self, sim: &mut Simulation, time: f64) {
+        // A sample of the sign in the middle of the step would also do: k * h / 0.25 is only off by rounding.
+        let sign = if ((time / SIGN + 1e-9).floor() as i64) % 2 == 0 { 1.0 } else { -1.0 };
+        let wrench = &mut sim.xfrc_applied_mut()[6 * self.body.index()..6 * self.body.index() + 6];
+        wrench[..3].copy_from_slice((self.force * sign).as_slice());
+        wrench[3..].copy_from_slice((self.torque * sign).as_slice());
+    }
+}
+
+impl Variant {
+    fn new(sim: Simulation, grasps: Option<(Vec<Grasp>, Vec<Grasp>)>, name: Option<(String, bool)>) -> Self {
+        Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, name }
+    }
+
+    fn step(&mut self) -> Result<(), grasp::Error> {
+        let mut clock = StageClock::default();
+        let start = Instant::now();
+        match &mut self.grasps {
+            Some((_, grasps)) => grasp::step_timed(&mut self.sim, grasps, &mut clock)?,
+            None => grasp::engine_step_timed(&mut self.sim, &mut clock)?,
+        }
+        self.step_ns.push(start.elapsed().as_nanos() as f64);
+        self.contact_ns.push(clock.contact.as_nanos() as f64);
+        if let Some((_, grasps)) = &self.grasps {
+            self.unlatched += usize::from(grasps.iter().any(|g| g.phase() != Phase::Grasped));
+        }
+        Ok(())
+    }
+
+    fn kept_outcome(&self) -> bool {
+        self.name.as_ref().is_some_and(|(_, kept)| *kept)
+    }
+
+    fn forget(&mut self) {
+        self.step_ns.clear();
+        self.contact_ns.clear();
+    }
+
+    fn timing(self) -> Timing {
+        let (solver, kept_outcome) = self.name.unzip();
+        Timing {
+            step_us: median(self.step_ns).map(|ns| ns * 1e-3),
+            contact_us: median(self.contact_ns).map(|ns| ns * 1e-3),
+            solver,
+            kept_outcome,
+            unlatched_steps: self.grasps.map(|_| self.unlatched),
+        }
+    }
+}
+
+fn configure(sim: &mut Simulation, solver: Solver, storage: JacobianStorage, noslip: usize) -> Result<(), Error> {
+    sim.set_solver(solver)?;
+    sim.set_jacobian_storage(storage)?;
+    sim.set_noslip_iterations(noslip)?;
+    Ok(())
+}
+
+/// Median time of a solve whose goals moved by [`IK_STEP`] since the last one, all trackers together.
+fn ik_cost(runner: &Runner) -> Result<Option<f64>, Error> {
+    let mut problems: Vec<_> =
+        runner.trackers().iter().map(|t| (t.solver().clone(), t.problem(runner.sim()))).collect();
+    if problems.is_empty() {
+        return Ok(None);
+    }
+    let mut times = Vec::with_capacity(IK_SOLVES);
+    for k in 0..IK_SOLVES {
+        let move_by = Vector3::z() * if k % 2 == 0 { IK_STEP } else { -IK_STEP };
+        for (_, (_, goals)) in &mut problems {
+            goals.iter_mut().for_each(|g| *g += move_by);
+        }
+        let start = Instant::now();
+        for (solver, (palm, goals)) in &mut problems {
+            solver.solve(palm, goals)?;
+        }
+        times.push(start.elapsed().as_nanos() as f64 * 1e-3);
+    }
+    Ok(median(times))
+}

@@ -1,0 +1,17 @@
+//! The scenarios that the program carries with it, so that it runs from any folder.
+
+/// A built-in scenario.
+#[derive(Debug)]
+pub struct Builtin {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// Where its file lies in the repository.
+    pub path: &'static str,
+    /// The scenario file.
+    pub toml: &'static str,
+    /// File names and texts of the MJCF and all that it includes.
+    pub models: &'static [(&'static str, &'static str)],
+}
+
+/// All built-in scenarios, in the order of `mujoco-grasp list`.
+pub const ALL: &[Builtin] = &[];

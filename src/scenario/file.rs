@@ -1,0 +1,379 @@
+//! The scenario file as it is written: TOML, every field of `design/contract.md`, checked for everything that can be
+//! checked without the model. Names are looked up later, in [`super::plan`].
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Quaternion, UnitQuaternion};
+use serde::Deserialize;
+
+use super::error::{Error, Field};
+use crate::grasp::Limits;
+
+/// A scenario file. SI units, seconds, newtons, radians; quaternions are w, x, y, z.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScenarioFile {
+    /// The scenario's name; also the name of its folder of results.
+    pub name: String,
+    /// One line for `mujoco-grasp list`.
+    #[serde(default)]
+    pub about: Option<String>,
+    /// The MJCF, relative to the scenario file.
+    pub model: PathBuf,
+    /// Keyframe to start from; without it, the model's `qpos0` with controls 0.
+    #[serde(default)]
+    pub keyframe: Option<String>,
+    /// The grasps, one or more.
+    #[serde(default)]
+    pub grasp: Vec<GraspEntry>,
+    /// When things happen.
+    pub timeline: Timeline,
+    /// Actuator targets.
+    #[serde(default)]
+    pub control: Vec<ControlEntry>,
+    /// Fingertip goals for inverse kinematics.
+    #[serde(default)]
+    pub goal: Vec<GoalEntry>,
+    /// Perturbations; each run applies one of them, or none.
+    #[serde(default)]
+    pub push: Vec<PushEntry>,
+}
+
+/// One `[[grasp]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraspEntry {
+    /// Body that is grasped.
+    pub target: String,
+    /// Links that may hold it; left out: every link below the palm.
+    #[serde(default)]
+    pub effectors: Vec<String>,
+    /// Base of the fingers; left out: the lowest common ancestor of the effectors.
+    #[serde(default)]
+    pub palm: Option<String>,
+    /// Q_Th \[N\]: the grasp latches at this quality.
+    #[serde(default)]
+    pub latch_quality: Option<f64>,
+    /// Q_M \[N\]: the grasp lets go below this quality.
+    #[serde(default)]
+    pub release_quality: Option<f64>,
+    /// How the grasp's constraint is bounded.
+    #[serde(default)]
+    pub limits: Option<Limits>,
+    /// Box only: the axes that may slip; left out: all six.
+    #[serde(default)]
+    pub relaxed: Option<Vec<Axis>>,
+    /// Box only: orientation of the axis frame in the target's frame; left out: the target's.
+    #[serde(default)]
+    pub axes: Option<[f64; 4]>,
+}
+
+/// One axis of the box form.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Translation along x.
+    X,
+    /// Translation along y.
+    Y,
+    /// Translation along z.
+    Z,
+    /// Rotation about x.
+    Rx,
+    /// Rotation about y.
+    Ry,
+    /// Rotation about z.
+    Rz,
+}
+
+/// `[timeline]`, in seconds of simulation from the start.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Timeline {
+    /// Length of the simulation.
+    pub duration: f64,
+    /// The target is held at its starting pose in the world until then, and nothing latches before. Left out: 0.
+    #[serde(default)]
+    pub pin_until: f64,
+    /// Motions and comparisons start here. Left out: when the pin goes.
+    #[serde(default)]
+    pub measure_from: Option<f64>,
+}
+
+impl Timeline {
+    /// Where motions and comparisons start \[s\].
+    pub fn measure_from(&self) -> f64 {
+        self.measure_from.unwrap_or(self.pin_until)
+    }
+}
+
+/// One `[[control]]`: the actuators' targets at a time.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlEntry {
+    /// \[s\]
+    pub time: f64,
+    /// Sets every actuator, before `set`.
+    #[serde(default)]
+    pub all: Option<f64>,
+    /// Actuator name -> target, in the actuator's own unit.
+    #[serde(default)]
+    pub set: BTreeMap<String, f64>,
+}
+
+/// One `[[goal]]`: a fingertip site that is brought to a site of the target.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GoalEntry {
+    /// Site on a link of the hand.
+    pub effector_site: String,
+    /// Site on the target.
+    pub target_site: String,
+    /// When the tracking starts \[s\]. Left out: at the last `[[control]]` entry that is not later than `pin_until`.
+    #[serde(default)]
+    pub start: Option<f64>,
+}
+
+/// One `[[push]]`: a constant wrench at the target's centre of mass, in world axes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PushEntry {
+    /// Name for `--push` and for files.
+    pub name: String,
+    /// Body that is pushed: the target of a grasp. Optional with one grasp.
+    #[serde(default)]
+    pub target: Option<String>,
+    /// \[s\]
+    pub start: f64,
+    /// \[s\]
+    pub duration: f64,
+    /// \[N\], world axes.
+    #[serde(default)]
+    pub force: [f64; 3],
+    /// \[N m\], world axes.
+    #[serde(default)]
+    pub torque: [f64; 3],
+}
+
+impl ScenarioFile {
+    /// Parses and checks a scenario; `path` is where the text comes from and appears in messages.
+    ///
+    /// # Errors
+    /// [`Error::Parse`] for text that is no scenario (unknown keys included), [`Error::Field`] for a value that makes no sense.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, Error> {
+        let file: Self = toml::from_str(text)
+            .map_err(|source| Error::Parse { file: path.to_path_buf(), source: Box::new(source) })?;
+        file.check(path)?;
+        Ok(file)
+    }
+
+    /// Everything that can be said about the values without the model.
+    fn check(&self, path: &Path) -> Result<(), Error> {
+        let at = |field: &str| Field::new(path, field);
+        file_name(at("name"), &self.name)?;
+        if self.model.as_os_str().is_empty() {
+            return Err(at("model").wrong("is empty; give the MJCF file's path, relative to this file"));
+        }
+        if self.grasp.is_empty() {
+            return Err(at("grasp").wrong("is missing; give at least one [[grasp]] with a target"));
+        }
+        self.check_timeline(path)?;
+        for (i, grasp) in self.grasp.iter().enumerate() {
+            grasp.check(path, i)?;
+            if let Some(j) = self.grasp[..i].iter().position(|g| g.target == grasp.target && g.palm == grasp.palm) {
+                return Err(at(&format!("grasp[{i}]")).wrong(format!(
+                    "has the target \"{}\" and the palm of grasp[{j}]; give each target and hand one [[grasp]]",
+                    grasp.target
+                )));
+            }
+        }
+        for (i, control) in self.control.iter().enumerate() {
+            control.check(path, i)?;
+        }
+        for (i, goal) in self.goal.iter().enumerate() {
+            let field = format!("goal[{i}]");
+            if let Some(start) = goal.start {
+                non_negative(at(&format!("{field}.start")), start)?;
+            }
+            if self.goal[..i].iter().any(|g| g.effector_site == goal.effector_site) {
+                return Err(at(&format!("{field}.effector_site"))
+                    .wrong(format!("\"{}\" has a goal already; a site can go to one place", goal.effector_site)));
+            }
+        }
+        let mut names = BTreeSet::new();
+        for (i, push) in self.push.iter().enumerate() {
+            push.check(path, i, self.timeline.duration)?;
+            if !names.insert(push.name.as_str()) {
+                return Err(at(&format!("push[{i}].name"))
+                    .wrong(format!("\"{}\" is the name of another push; names must differ", push.name)));
+            }
+            if push.target.is_none() && self.grasp.len() > 1 {
+                return Err(at(&format!("push[{i}].target")).wrong(format!(
+                    "is missing; with {} grasps, say which target is pushed: {}",
+                    self.grasp.len(),
+                    self.grasp.iter().map(|g| format!("\"{}\"", g.target)).collect::<Vec<_>>().join(", ")
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_timeline(&self, path: &Path) -> Result<(), Error> {
+        let at = |field: &str| Field::new(path, field);
+        let Timeline { duration, pin_until, .. } = self.timeline;
+        let measure_from = self.timeline.measure_from();
+        positive(at("timeline.duration"), duration)?;
+        non_negative(at("timeline.pin_until"), pin_until)?;
+        non_negative(at("timeline.measure_from"), measure_from)?;
+        if pin_until > measure_from {
+            return Err(at("timeline.measure_from").wrong(format!(
+                "is {measure_from} s, before pin_until = {pin_until} s; measure only once the target is free"
+            )));
+        }
+        if measure_from >= duration {
+            return Err(at("timeline.measure_from").wrong(format!(
+                "is {measure_from} s; it must be before the end, duration = {duration} s"
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl GraspEntry {
+    fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
+        let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
+        if self.effectors.is_empty() && self.palm.is_none() {
+            return Err(at("palm").wrong("is missing, and so are the effectors; give the palm, the effectors, or both"));
+        }
+        let mut seen = BTreeSet::new();
+        for (i, effector) in self.effectors.iter().enumerate() {
+            if *effector == self.target {
+                return Err(at(&format!("effectors[{i}]")).wrong(format!(
+                    "\"{effector}\" is the target itself; effectors are links of the hand"
+                )));
+            }
+            if !seen.insert(effector.as_str()) {
+                return Err(at(&format!("effectors[{i}]")).wrong(format!("\"{effector}\" is listed twice")));
+            }
+        }
+        if self.palm.as_ref() == Some(&self.target) {
+            return Err(at("palm").wrong(format!("\"{}\" is the target itself; the palm is the base of the fingers", self.target)));
+        }
+        if let Some(q) = self.latch_quality {
+            positive(at("latch_quality"), q)?;
+        }
+        if let Some(q) = self.release_quality {
+            non_negative(at("release_quality"), q)?;
+            if let Some(latch) = self.latch_quality.filter(|&latch| q >= latch) {
+                return Err(at("release_quality")
+                    .wrong(format!("is {q} N; it must be below latch_quality = {latch} N, or the grasp would chatter")));
+            }
+        }
+        let boxed = self.limits == Some(Limits::Box);
+        if self.relaxed.is_some() && !boxed {
+            return Err(at("relaxed").wrong("has a meaning only with limits = \"box\""));
+        }
+        if self.axes.is_some() && !boxed {
+            return Err(at("axes").wrong("has a meaning only with limits = \"box\""));
+        }
+        if let Some(q) = self.axes {
+            let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if !norm.is_finite() || norm < 1e-6 {
+                return Err(at("axes").wrong(format!("is {q:?}; give a quaternion w, x, y, z that is not zero")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Which of x, y, z, rx, ry, rz may slip in the box form.
+    pub fn relaxed(&self) -> [bool; 6] {
+        let Some(axes) = &self.relaxed else { return [true; 6] };
+        let mut relaxed = [false; 6];
+        for axis in axes {
+            relaxed[*axis as usize] = true;
+        }
+        relaxed
+    }
+
+    /// Orientation of the axis frame in the target's frame.
+    pub fn axes(&self) -> UnitQuaternion<f64> {
+        let [w, x, y, z] = self.axes.unwrap_or([1.0, 0.0, 0.0, 0.0]);
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+    }
+}
+
+impl ControlEntry {
+    fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
+        let at = |field: &str| Field::new(path, &format!("control[{index}].{field}"));
+        non_negative(at("time"), self.time)?;
+        if let Some(all) = self.all {
+            finite(at("all"), all)?;
+        }
+        for (name, &value) in &self.set {
+            finite(at(&format!("set.{name}")), value)?;
+        }
+        if self.all.is_none() && self.set.is_empty() {
+            return Err(at("set").wrong("is missing, and so is `all`; an entry must set something"));
+        }
+        Ok(())
+    }
+}
+
+impl PushEntry {
+    fn check(&self, path: &Path, index: usize, end: f64) -> Result<(), Error> {
+        let at = |field: &str| Field::new(path, &format!("push[{index}].{field}"));
+        file_name(at("name"), &self.name)?;
+        if matches!(self.name.as_str(), "all" | "none") {
+            return Err(at("name").wrong(format!("\"{}\" has a meaning of its own in --push; choose another name", self.name)));
+        }
+        non_negative(at("start"), self.start)?;
+        positive(at("duration"), self.duration)?;
+        for (k, axis) in ["x", "y", "z"].iter().enumerate() {
+            finite(at(&format!("force[{k}] ({axis})")), self.force[k])?;
+            finite(at(&format!("torque[{k}] ({axis})")), self.torque[k])?;
+        }
+        // Sums of decimal fractions: 4.6 + 1.4 may pass 6.0 by a rounding error.
+        if self.start + self.duration > end + 1e-9 {
+            return Err(at("duration").wrong(format!(
+                "makes the push end at {} s; it must end by timeline.duration = {end} s",
+                self.start + self.duration
+            )));
+        }
+        Ok(())
+    }
+
+    /// End of the push \[s\].
+    pub fn end(&self) -> f64 {
+        self.start + self.duration
+    }
+}
+
+fn finite(field: Field, value: f64) -> Result<(), Error> {
+    if value.is_finite() { Ok(()) } else { Err(field.wrong(format!("is {value}; it must be a finite number"))) }
+}
+
+fn positive(field: Field, value: f64) -> Result<(), Error> {
+    if value.is_finite() && value > 0.0 {
+        Ok(())
+    } else {
+        Err(field.wrong(format!("is {value}; it must be a finite number above 0")))
+    }
+}
+
+fn non_negative(field: Field, value: f64) -> Result<(), Error> {
+    if value.is_finite() && value >= 0.0 {
+        Ok(())
+    } else {
+        Err(field.wrong(format!("is {value}; it must be a finite number, 0 or above")))
+    }
+}
+
+/// Names of scenarios and pushes become names of folders and files.
+fn file_name(field: Field, name: &str) -> Result<(), Error> {
+    let bad = |c: char| c == '/' || c == '\\' || c.is_control();
+    if name.trim().is_empty() || name == "." || name == ".." || name.contains(bad) {
+        return Err(field.wrong(format!("is {name:?}; it names files, so it must not be empty and hold no / or \\")));
+    }
+    Ok(())
+}

@@ -1,0 +1,356 @@
+//! One scenario in one mode with one push, step by step.
+
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::control::Schedule;
+use super::error::Error;
+use super::pin::Pin;
+use super::plan::{Plan, Push};
+use super::tracker::{Tracker, pose};
+use super::trajectory::{Sample, Trajectory};
+use crate::grasp::{self, Grasp, Phase};
+use crate::mujoco::{BodyId, Simulation};
+
+/// How contacts between hand and target are simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// MuJoCo's own contact solve, with the options that the MJCF sets.
+    Full,
+    /// The grasp controller.
+    Grasp,
+}
+
+impl Mode {
+    /// As in file names.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Grasp => "grasp",
+        }
+    }
+}
+
+/// A simulation of a scenario under way.
+#[derive(Clone, Debug)]
+pub struct Runner {
+    mode: Mode,
+    sim: Simulation,
+    grasps: Vec<Grasp>,
+    trackers: Vec<Tracker>,
+    schedule: Schedule,
+    ctrl: Vec<f64>,
+    pins: Vec<Pin>,
+    push: Option<Push>,
+    pin_until: f64,
+    measure_from: f64,
+    duration: f64,
+    timestep: f64,
+    steps: u64,
+    watch: Watch,
+}
+
+
+/// What is recorded of the grasp that the run is about.
+#[derive(Clone, Debug)]
+struct Watch {
+    grasp: usize,
+    palm: BodyId,
+    target: BodyId,
+    in_hand: Vec<bool>,
+    in_target: Vec<bool>,
+    /// Body -> index among the links.
+    link_of: Vec<Option<usize>>,
+    normal_forces: Vec<f64>,
+    /// Fastest slip of each link's contacts in this step, in the palm's axes \[m/s\].
+    velocities: Vec<Vector3<f64>>,
+    /// Slip of each link since `measure_from`, in the palm's axes \[m\].
+    slip: Vec<Vector3<f64>>,
+}
+
+impl Runner {
+    /// Sets the scenario up at its start.
+    ///
+    /// # Errors
+    /// A grasp or fingertip goals that do not fit the model.
+    pub fn new(plan: &Plan, mode: Mode, push: Option<&Push>) -> Result<Self, Error> {
+        let mut sim = Simulation::new(&plan.model)?;
+        if let Some(key) = plan.keyframe {
+            sim.reset_to_keyframe(key)?;
+        }
+        // Poses for the first step; the dynamics are not touched.
+        sim.kinematics()?;
+        let mut grasps = Vec::with_capacity(plan.grasps.len());
+        let mut trackers = Vec::new();
+        for (index, spec) in plan.grasps.iter().enumerate() {
+            let grasp = Grasp::new(&sim, spec).map_err(|source| {
+                Error::Grasp { file: plan.file.clone(), index, source }
+            })?;
+            let tracker = Tracker::new(&sim, &plan.goals, index, grasp.palm(), grasp.target());
+            trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
+            grasps.push(grasp);
+        }
+        let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
+        let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
+        let watched = push.map_or(0, |p| p.grasp);
+        Ok(Self {
+            mode,
+            schedule: Schedule::new(sim.ctrl(), &plan.controls),
+            ctrl: sim.ctrl().to_vec(),
+            watch: Watch::new(&sim, &grasps[watched], watched),
+            grasps,
+            trackers,
+            pins,
+            push: push.cloned(),
+            pin_until: plan.timeline.pin_until,
+            measure_from: plan.timeline.measure_from(),
+            duration: plan.timeline.duration,
+            timestep: sim.model().timestep(),
+            steps: 0,
+            sim,
+        })
+    }
+
+    /// Time of the next step, from the start of the scenario \[s\].
+    pub fn time(&self) -> f64 {
+        self.steps as f64 * self.timestep
+    }
+
+    /// Steps of the whole run: one for each multiple of the time step from 0 to the duration.
+    pub fn total_steps(&self) -> u64 {
+        (self.duration / self.timestep + 0.5).floor() as u64 + 1
+    }
+
+    /// Whether the run is over.
+    pub fn is_over(&self) -> bool {
+        self.steps >= self.total_steps()
+    }
+
+    /// How contacts are simulated.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Pushes in another way, or not at all, from now on.
+    pub fn set_push(&mut self, push: Option<&Push>) {
+        if let Some(old) = &self.push {
+            self.sim.xfrc_applied_mut()[6 * old.body.index()..6 * old.body.index() + 6].fill(0.0);
+        }
+        self.push = push.cloned();
+    }
+
+    /// The simulation.
+    pub fn sim(&self) -> &Simulation {
+        &self.sim
+    }
+
+    /// The simulation, to change its solver's settings.
+    pub fn sim_mut(&mut self) -> &mut Simulation {
+        &mut self.sim
+    }
+
+    /// The grasp that the run is about.
+    pub fn grasp(&self) -> &Grasp {
+        &self.grasps[self.watch.grasp]
+    }
+
+    /// All grasps.
+    pub fn grasps(&self) -> &[Grasp] {
+        &self.grasps
+    }
+
+    /// Trackers of fingertip goals.
+    pub fn trackers(&self) -> &[Tracker] {
+        &self.trackers
+    }
+
+    /// The simulation and its controllers, as they are.
+    pub fn into_parts(self) -> (Simulation, Vec<Grasp>) {
+        (self.sim, self.grasps)
+    }
+
+    /// An empty trajectory with the links of the run's grasp and room for the whole run.
+    pub fn trajectory(&self) -> Trajectory {
+        let model = self.sim.model();
+        let name = |&link: &BodyId| {
+            model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned)
+        };
+        Trajectory::new(self.grasp().links().iter().map(name).collect(), self.total_steps() as usize)
+    }
+
+    /// Runs up to `time` without recording.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn advance_to(&mut self, time: f64) -> Result<(), grasp::Error> {
+        while self.time() < time - 0.5 * self.timestep {
+            self.step()?;
+        }
+        Ok(())
+    }
+
+    /// One step; the sample is of the state that it starts from, with the contacts and forces found there.
+    ///
+    /// # Errors
+    /// A simulation that diverged, full buffers, faults of the engine.
+    pub fn step(&mut self) -> Result<Sample, grasp::Error> {
+        let (time, half) = (self.time(), 0.5 * self.timestep);
+        let pinned = time < self.pin_until - half;
+        if pinned {
+            self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));
+        } else {
+            self.pins.drain(..).for_each(|pin| pin.let_go(&mut self.sim));
+        }
+        self.control(time)?;
+        self.apply_push(time);
+        for grasp in &mut self.grasps {
+            grasp.allow_latch(!pinned);
+        }
+        let grasped = self.grasp().phase() == Phase::Grasped;
+        let clock = Instant::now();
+        match self.mode {
+            Mode::Full => self.sim.step()?,
+            Mode::Grasp => grasp::step(&mut self.sim, &mut self.grasps)?,
+        }
+        let step_ns = clock.elapsed().as_nanos() as u64;
+        if self.mode == Mode::Full {
+            for grasp in &mut self.grasps {
+                grasp.monitor(&self.sim);
+            }
+        }
+        self.grasps[self.watch.grasp].read_slip(&self.sim);
+        self.steps += 1;
+        let sample = self.watch.sample(
+            &self.sim,
+            &self.grasps[self.watch.grasp],
+            Now { time, step_ns, grasped, slipping: (time >= self.measure_from - half).then_some(self.timestep) },
+        );
+        self.settle();
+        Ok(sample)
+    }
+
+    /// Normal force of each link in the last step \[N\].
+    pub fn normal_forces(&self) -> &[f64] {
+        &self.watch.normal_forces
+    }
+
+    fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
+        self.schedule.apply(time, &mut self.ctrl);
+        for tracker in &mut self.trackers {
+            let grasp = &self.grasps[tracker.grasp];
+            let weak = grasp.quality() < grasp.latch_quality();
+            tracker.drive(&self.sim, time, self.timestep, weak, &mut self.ctrl)?;
+        }
+        self.sim.ctrl_mut().copy_from_slice(&self.ctrl);
+        Ok(())
+    }
+
+    fn apply_push(&mut self, time: f64) {
+        let Some(push) = &self.push else { return };
+        let half = 0.5 * self.timestep;
+        let on = time >= push.start - half && time < push.end - half;
+        let wrench = &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
+        wrench.fill(0.0);
+        if on {
+            wrench[..3].copy_from_slice(push.force.as_slice());
+            wrench[3..].copy_from_slice(push.torque.as_slice());
+        }
+    }
+
+    /// Once a grasp latches, or in full mode would, its fingers keep their targets.
+    fn settle(&mut self) {
+        let time = self.time();
+        for tracker in &mut self.trackers {
+            let grasp = &self.grasps[tracker.grasp];
+            if (grasp.phase() == Phase::Grasped || grasp.would_latch()) && tracker.finish() {
+                for (actuator, target) in tracker.targets() {
+                    self.schedule.continue_from(time, actuator, target);
+                }
+            }
+        }
+    }
+}
+
+/// What a sample needs besides the state.
+struct Now {
+    time: f64,
+    step_ns: u64,
+    grasped: bool,
+    /// Time step, once slip counts.
+    slipping: Option<f64>,
+}
+
+impl Watch {
+    fn new(sim: &Simulation, grasp: &Grasp, index: usize) -> Self {
+        let model = sim.model();
+        let (palm, target) = (grasp.palm(), grasp.target());
+        let below = |ancestor: usize, mut body: usize| {
+            while body > ancestor {
+                body = model.body_parentid()[body] as usize;
+            }
+            body == ancestor
+        };
+        let in_target: Vec<bool> = (0..model.nbody()).map(|b| below(target.index(), b)).collect();
+        let in_hand: Vec<bool> = (0..model.nbody())
+            .map(|b| {
+                !in_target[b]
+                    && if palm == BodyId::WORLD {
+                        // Fingers that stand on the world: the trees that hold the links.
+                        b != 0 && grasp.links().iter().any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
+                    } else {
+                        below(palm.index(), b)
+                    }
+            })
+            .collect();
+        let mut link_of = vec![None; model.nbody()];
+        for (i, link) in grasp.links().iter().enumerate() {
+            link_of[link.index()] = Some(i);
+        }
+        let n = grasp.links().len();
+        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
+        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, velocities, slip }
+    }
+
+    fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
+        let palm = pose(sim, self.palm);
+        self.normal_forces.fill(0.0);
+        self.velocities.fill(Vector3::zeros());
+        for contact in grasp.contacts() {
+            if let Some(link) = self.link_of[contact.link_id.index()] {
+                self.normal_forces[link] += contact.normal_force();
+                if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
+                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
+                }
+            }
+        }
+        if let Some(step) = at.slipping {
+            for (slip, velocity) in self.slip.iter_mut().zip(&self.velocities) {
+                *slip += velocity * step;
+            }
+        }
+        let (mut touching, mut penetration) = (false, 0.0_f64);
+        for contact in sim.contacts() {
+            let [a, b] = contact.bodies.map(BodyId::index);
+            let ours = (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
+            if ours && contact.dist < contact.include_margin {
+                touching = true;
+                penetration = penetration.max(-contact.dist);
+            }
+        }
+        let target = palm.inv_mul(&pose(sim, self.target));
+        Sample {
+            time: at.time,
+            position: target.translation.vector,
+            rotation: target.rotation,
+            grasped: at.grasped,
+            quality: grasp.quality(),
+            touching,
+            penetration,
+            slip: self.slip.iter().map(|s| s.norm()).fold(0.0, f64::max),
+            step_ns: at.step_ns,
+        }
+    }
+}

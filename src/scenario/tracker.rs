@@ -1,0 +1,184 @@
+//! Fingertips to their goals, then harder, until the grasp is good enough.
+//!
+//! From its start the tips move in a straight line from where the actuators' targets put them to the goal sites, all
+//! arriving together. Then the goals move inwards, at [`PRESS_RATE`], for as long as the quality is below the latch
+//! quality, up to [`PRESS_LIMIT`]: the position actuators, which cannot follow, press. Once the grasp latches (in full
+//! mode: would latch) the targets stay what they are, and `[[control]]` goes on from there.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use super::plan::{Goal, PositionActuator};
+use crate::kinematics::{Error, InverseKinematics};
+use crate::mujoco::{BodyId, Simulation, SiteId};
+
+/// Speed of the tips on their way to the goals \[m/s\].
+pub const APPROACH_SPEED: f64 = 0.1;
+/// Speed at which the goals move into the target \[m/s\].
+pub const PRESS_RATE: f64 = 0.010;
+/// Farthest that they move \[m\].
+pub const PRESS_LIMIT: f64 = 0.050;
+
+/// Inverse kinematics of the tips of one grasp.
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    /// Index of the grasp.
+    pub grasp: usize,
+    palm: BodyId,
+    target: BodyId,
+    goals: Vec<SiteId>,
+    start: f64,
+    ik: InverseKinematics,
+    /// One for each joint of `ik`.
+    actuators: Vec<PositionActuator>,
+    state: State,
+    /// In the target's frame: where each tip starts from, and the direction into the target at each goal.
+    from: Vec<Vector3<f64>>,
+    inward: Vec<Vector3<f64>>,
+    farthest: f64,
+    pressed: f64,
+    points: Vec<Vector3<f64>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Waiting,
+    Tracking,
+    Done,
+}
+
+/// Pose of a body in the world.
+pub(super) fn pose(sim: &Simulation, body: BodyId) -> Isometry3<f64> {
+    let (p, q) = (&sim.xpos()[3 * body.index()..], &sim.xquat()[4 * body.index()..]);
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
+    Isometry3::from_parts(Translation3::new(p[0], p[1], p[2]), rotation)
+}
+
+fn site(sim: &Simulation, id: SiteId) -> Vector3<f64> {
+    Vector3::from_column_slice(&sim.site_xpos()[3 * id.index()..3 * id.index() + 3])
+}
+
+impl Tracker {
+    /// The tracker of grasp `index` between `palm` and `target`; `None` if no goal belongs to it.
+    ///
+    /// # Errors
+    /// Tips that no position actuator can move.
+    pub fn new(sim: &Simulation, goals: &[Goal], index: usize, palm: BodyId, target: BodyId) -> Result<Option<Self>, Error> {
+        let own: Vec<&Goal> = goals.iter().filter(|g| g.grasp == index).collect();
+        if own.is_empty() {
+            return Ok(None);
+        }
+        let model = sim.model();
+        let driven: Vec<_> = model.joints().filter(|&j| PositionActuator::of(model, j).is_some()).collect();
+        let tips: Vec<SiteId> = own.iter().map(|g| g.tip).collect();
+        let ik = InverseKinematics::new(sim, palm, &tips, &driven)?;
+        let actuators = ik.joints().iter().filter_map(|&j| PositionActuator::of(model, j)).collect();
+        let n = own.len();
+        Ok(Some(Self {
+            grasp: index,
+            palm,
+            target,
+            goals: own.iter().map(|g| g.goal).collect(),
+            start: own.iter().map(|g| g.start).fold(f64::INFINITY, f64::min),
+            ik,
+            actuators,
+            state: State::Waiting,
+            from: vec![Vector3::zeros(); n],
+            inward: vec![Vector3::zeros(); n],
+            farthest: 0.0,
+            pressed: 0.0,
+            points: vec![Vector3::zeros(); n],
+        }))
+    }
+
+    /// Writes the targets for a step of length `step` at `time` \[s\]. `ctrl` comes with the schedule's targets;
+    /// `weak`: the quality is not reached yet. Uses the poses of the last step.
+    ///
+    /// # Errors
+    /// None that a constructed tracker can meet.
+    pub fn drive(
+        &mut self,
+        sim: &Simulation,
+        time: f64,
+        step: f64,
+        weak: bool,
+        ctrl: &mut [f64],
+    ) -> Result<(), crate::mujoco::Error> {
+        // Half a step of tolerance: k * h is not a round number in binary.
+        if self.state == State::Done || time < self.start - 0.5 * step {
+            return Ok(());
+        }
+        if self.state == State::Waiting {
+            self.begin(sim, ctrl);
+            self.state = State::Tracking;
+        }
+        let gone = APPROACH_SPEED * (time - self.start).max(0.0);
+        let share = if gone < self.farthest { gone / self.farthest } else { 1.0 };
+        if share == 1.0 && weak {
+            self.pressed = (self.pressed + PRESS_RATE * step).min(PRESS_LIMIT);
+        }
+        let target = pose(sim, self.target);
+        for (i, point) in self.points.iter_mut().enumerate() {
+            let goal = target.inverse_transform_point(&site(sim, self.goals[i]).into()).coords;
+            let local = self.from[i].lerp(&goal, share) + self.inward[i] * self.pressed;
+            *point = target.transform_point(&local.into()).coords;
+        }
+        self.ik.solve(&pose(sim, self.palm), &self.points)?;
+        self.write(ctrl);
+        Ok(())
+    }
+
+    /// Leaves the targets as they are from now on; true the first time after tracking began.
+    pub fn finish(&mut self) -> bool {
+        let was = std::mem::replace(&mut self.state, State::Done);
+        was == State::Tracking
+    }
+
+    /// (index into ctrl, target) of each joint in the last solution.
+    pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.actuators.iter().zip(self.ik.values()).map(|(a, q)| (a.index, a.scale * q + a.offset))
+    }
+
+    /// The solver, for timing it.
+    pub fn solver(&self) -> &InverseKinematics {
+        &self.ik
+    }
+
+    /// The palm's pose in the world and the goals of the last step, for timing the solver.
+    pub fn problem(&self, sim: &Simulation) -> (Isometry3<f64>, Vec<Vector3<f64>>) {
+        (pose(sim, self.palm), self.points.clone())
+    }
+
+    /// The tips start where the actuators' present targets put them, so that nothing jumps.
+    fn begin(&mut self, sim: &Simulation, ctrl: &[f64]) {
+        self.ik.start_from(sim);
+        let (joints, actuators) = (self.ik.joints().to_vec(), &self.actuators);
+        self.ik.start_at(|joint| {
+            let a = joints.iter().position(|&j| j == joint).map(|i| actuators[i]);
+            a.map_or(0.0, |a| (ctrl.get(a.index).copied().unwrap_or(0.0) - a.offset) / a.scale)
+        });
+        self.ik.tips(&mut self.from);
+        let (palm, target) = (pose(sim, self.palm), pose(sim, self.target));
+        let body = self.target.index();
+        let ipos = &sim.model().body_ipos()[3 * body..3 * body + 3];
+        let centre = Vector3::from_column_slice(ipos);
+        let goals: Vec<Vector3<f64>> =
+            self.goals.iter().map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords).collect();
+        self.farthest = 0.0;
+        for (i, goal) in goals.iter().enumerate() {
+            let tip = palm.transform_point(&self.from[i].into());
+            self.from[i] = target.inverse_transform_point(&tip).coords;
+            self.farthest = self.farthest.max((goal - self.from[i]).norm());
+            // Two tips can only squeeze along the line that joins them; more squeeze towards the centre of mass.
+            let towards = if let [a, b] = goals.as_slice() { 0.5 * (a + b) } else { centre };
+            self.inward[i] = (towards - goal).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+        }
+    }
+
+    fn write(&self, ctrl: &mut [f64]) {
+        for (index, value) in self.targets() {
+            if let Some(ctrl) = ctrl.get_mut(index) {
+                *ctrl = value;
+            }
+        }
+    }
+}
