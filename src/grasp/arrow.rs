@@ -15,6 +15,7 @@
 use super::cone::{Law, MAX_ROWS, Response, Zone};
 use super::dense;
 use nalgebra::{SMatrix, SVector};
+use pulp::Arch;
 
 /// Unknowns of the root: the palm's six and the target's six.
 pub const ROOT: usize = 12;
@@ -22,7 +23,7 @@ pub const ROOT: usize = 12;
 pub type RootVector = [f64; ROOT];
 
 /// Gradient norm, relative to the largest term in it, below which a point counts as the minimum.
-const TOLERANCE: f64 = 1e-9;
+const TOLERANCE: f64 = 1e-7;
 /// Newton iterations before giving up; warm-started steps take one or two.
 const MAX_ITERATIONS: usize = 60;
 /// Sufficient decrease of the backtracking line search (Armijo).
@@ -229,7 +230,8 @@ impl Arrow {
         };
         self.residuals(z);
         for b in &mut self.blocks {
-            b.response = b.law.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], b.response.zone);
+            let zone = b.response.zone;
+            b.law.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], zone, &mut b.response);
             b.store_force(&mut self.law_forces);
         }
         self.gradient(z, &mut newton.gradient);
@@ -302,7 +304,7 @@ impl Arrow {
         let (mut cost, mut affine) = (0.0, true);
         for b in &mut self.blocks {
             let before = b.response.zone;
-            b.response = b.law.respond(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows]);
+            b.law.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
             b.store_force(&mut self.law_forces);
             affine &= b.response.zone == before && before.is_affine();
             cost += b.response.cost;
@@ -365,8 +367,17 @@ impl Arrow {
         sum
     }
 
-    /// Solves for the step of root and fingers: `H step = -gradient`.
+    /// Solves for the step of root and fingers: `H step = -gradient`, with the widest vectors that the processor has.
+    /// No operation is contracted or reordered for it: the result is the same on every processor.
     fn newton_step(&mut self, newton: &mut Newton) {
+        Arch::new().dispatch(
+            #[inline(always)]
+            || self.newton_step_inline(newton),
+        );
+    }
+
+    #[inline(always)]
+    fn newton_step_inline(&mut self, newton: &mut Newton) {
         newton.hessian = [[0.0; ROOT]; ROOT];
         for i in 0..ROOT {
             newton.hessian[i][i] = 1.0;
@@ -398,6 +409,7 @@ impl Arrow {
     }
 
     /// One finger's `E (f - lambda)` and `E C`, `E = (I + C W)^-1` (without joints `E` is the identity).
+    #[inline(always)]
     fn eliminate(&mut self, branch: &Branch) {
         let m = branch.rows;
         let stiffness = &mut self.stiffness[branch.square0..branch.square0 + m * m];
@@ -428,6 +440,7 @@ impl Arrow {
 
     /// `H += Y' E C Y` and the finger's share of the right-hand side, `Y' E (f - lambda)` less what the root's gradient
     /// already has of it. Only the lower triangle of `H` is kept.
+    #[inline(always)]
     fn add_to_root(&self, branch: &Branch, newton: &mut Newton) {
         let rows = &self.root_rows[branch.row0..branch.row0 + branch.rows];
         for (i, y) in rows.iter().enumerate() {
@@ -459,6 +472,7 @@ impl Arrow {
 }
 
 /// `pull <- E pull`, `stiffness <- E C` with `E = (I + C W)^-1`, for as many rows as there are closed inverses for.
+#[inline(always)]
 fn eliminate_small<const M: usize>(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64]) {
     let c = SMatrix::<f64, M, M>::from_row_slice(stiffness);
     let w = SMatrix::<f64, M, M>::from_row_slice(mobility);
@@ -491,6 +505,7 @@ fn eliminate_any(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64], scra
 
 impl Branch {
     /// Row `i` of this branch's square matrix in `squares`.
+    #[inline(always)]
     fn row<'a>(&self, squares: &'a [f64], i: usize) -> &'a [f64] {
         let start = self.square0 + i * self.rows;
         &squares[start..start + self.rows]
@@ -512,6 +527,7 @@ impl Block {
 }
 
 /// `out += W x` on the rows of a branch.
+#[inline(always)]
 fn add_mobility(branch: &Branch, mobility: &[f64], x: &[f64], out: &mut [f64]) {
     if branch.moves {
         let rows = branch.row0..branch.row0 + branch.rows;

@@ -94,6 +94,16 @@ pub struct Response {
 }
 
 impl Response {
+    /// Back to no force, on the rows of a contact with `rows` rows.
+    fn clear(&mut self, rows: usize) {
+        self.cost = 0.0;
+        self.zone = Zone::Open;
+        self.force[..rows].fill(0.0);
+        for row in self.hessian.chunks_exact_mut(MAX_ROWS).take(rows) {
+            row[..rows].fill(0.0);
+        }
+    }
+
     /// No force.
     pub fn open() -> Self {
         Response {
@@ -108,17 +118,25 @@ impl Response {
 impl Law {
     /// Evaluates the law at the residual `jar` (one entry for each row that the law governs).
     pub fn respond(&self, jar: &[f64]) -> Response {
+        let mut out = Response::open();
+        self.respond_into(jar, &mut out);
+        out
+    }
+
+    /// As [`respond`](Self::respond), into `out`: the entries of the law's rows are set, the others left as they are.
+    pub fn respond_into(&self, jar: &[f64], out: &mut Response) {
+        out.clear(jar.len());
         match self {
-            Law::Unilateral { stiffness } => unilateral(jar[0], *stiffness),
+            Law::Unilateral { stiffness } => unilateral(out, jar[0], *stiffness),
             Law::Elliptic {
                 stiffness,
                 cone,
                 friction,
-            } => elliptic(jar, *stiffness, *cone, friction),
+            } => elliptic(out, jar, *stiffness, *cone, friction),
             Law::Pyramidal {
                 stiffness,
                 friction,
-            } => pyramidal(jar, *stiffness, friction),
+            } => pyramidal(out, jar, *stiffness, friction),
             Law::Slip {
                 centre,
                 resistance,
@@ -127,8 +145,8 @@ impl Law {
             } => {
                 let kappa = resistance * friction[0] * friction[0];
                 match bound {
-                    Bound::Ellipsoid(normal) => slip_ellipsoid(jar, centre, kappa, friction, *normal),
-                    Bound::Box(normals) => slip_box(jar, centre, kappa, friction, normals),
+                    Bound::Ellipsoid(normal) => slip_ellipsoid(out, jar, centre, kappa, friction, *normal),
+                    Bound::Box(normals) => slip_box(out, jar, centre, kappa, friction, normals),
                 }
             }
         }
@@ -138,8 +156,8 @@ impl Law {
 impl Law {
     /// The force if the contact stays in `zone`: on an affine zone the law's affine piece, continued beyond the zone;
     /// elsewhere the law itself. A guess to start from: `cost` is not set.
-    pub fn respond_in(&self, jar: &[f64], zone: Zone) -> Response {
-        let mut out = Response::open();
+    pub fn respond_in(&self, jar: &[f64], zone: Zone, out: &mut Response) {
+        out.clear(jar.len());
         out.zone = zone;
         match (self, zone) {
             (Law::Unilateral { .. } | Law::Elliptic { .. }, Zone::Open) => {}
@@ -149,10 +167,10 @@ impl Law {
                 out.hessian[0] = *stiffness;
             }
             (Law::Elliptic { stiffness, cone, friction }, Zone::Stick) => {
-                stick(&mut out, jar, *stiffness, *cone, friction);
+                stick(out, jar, *stiffness, *cone, friction);
             }
             (Law::Pyramidal { stiffness, friction }, Zone::Facet(edges)) => {
-                push_edges(&mut out, jar, *stiffness, friction, |bit, _| edges & (1 << bit) != 0);
+                push_edges(out, jar, *stiffness, friction, |bit, _| edges & (1 << bit) != 0);
             }
             (Law::Slip { centre, resistance, friction, bound: Bound::Ellipsoid(_) }, Zone::Stick) => {
                 let kappa = resistance * friction[0] * friction[0];
@@ -177,9 +195,8 @@ impl Law {
                     }
                 }
             }
-            _ => return self.respond(jar),
+            _ => self.respond_into(jar, out),
         }
-        out
     }
 }
 
@@ -193,22 +210,19 @@ fn stick(out: &mut Response, jar: &[f64], stiffness: f64, mu: f64, friction: &[f
     }
 }
 
-fn unilateral(jar: f64, stiffness: f64) -> Response {
-    let mut out = Response::open();
+fn unilateral(out: &mut Response, jar: f64, stiffness: f64) {
     if jar < 0.0 {
         out.cost = 0.5 * stiffness * jar * jar;
         out.force[0] = -stiffness * jar;
         out.hessian[0] = stiffness;
         out.zone = Zone::Stick;
     }
-    out
 }
 
 /// MuJoCo's elliptic cone ("Computation" chapter, "Reduced cost for friction cones"): in the coordinates
 /// `U = (mu jar_n, mu_j jar_j)` the dual cone is circular and the projection radial.
-fn elliptic(jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) -> Response {
+fn elliptic(out: &mut Response, jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) {
     let dim = jar.len();
-    let mut out = Response::open();
     let mut u = [0.0; MAX_ROWS];
     let mut tangential = 0.0;
     for j in 1..dim {
@@ -219,12 +233,12 @@ fn elliptic(jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) -> Respon
     let tangential = tangential.sqrt();
 
     if normal >= mu * tangential {
-        return out;
+        return;
     }
     if mu * normal + tangential <= 0.0 {
-        stick(&mut out, jar, stiffness, mu, friction);
+        stick(out, jar, stiffness, mu, friction);
         out.cost = -0.5 * (0..dim).map(|j| out.force[j] * jar[j]).sum::<f64>();
-        return out;
+        return;
     }
 
     out.zone = Zone::Slide;
@@ -255,16 +269,13 @@ fn elliptic(jar: &[f64], stiffness: f64, mu: f64, friction: &[f64; 5]) -> Respon
             out.hessian[j * MAX_ROWS + i] = h;
         }
     }
-    out
 }
 
-fn pyramidal(jar: &[f64], stiffness: f64, friction: &[f64; 5]) -> Response {
-    let mut out = Response::open();
-    let edges = push_edges(&mut out, jar, stiffness, friction, |_, residual| residual < 0.0);
+fn pyramidal(out: &mut Response, jar: &[f64], stiffness: f64, friction: &[f64; 5]) {
+    let edges = push_edges(out, jar, stiffness, friction, |_, residual| residual < 0.0);
     if edges != 0 {
         out.zone = Zone::Facet(edges);
     }
-    out
 }
 
 /// Lets the edges of a pyramid that `pushes` (by number and residual) chooses act; returns them as bits.
@@ -311,9 +322,8 @@ pub fn pyramid_pairs(jar: &[f64], stiffness: f64, friction: &[f64; 5]) -> [f64; 
 
 /// `s(jar) = max_f { -f.jar - sum r_j/2 (f_j - c_j)^2 }` over the ellipsoid, `r_j = kappa / mu_j^2`: in `f_j / mu_j`
 /// the metric is isotropic and the projection radial.
-fn slip_ellipsoid(jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], normal: f64) -> Response {
+fn slip_ellipsoid(out: &mut Response, jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], normal: f64) {
     let dim = jar.len();
-    let mut out = Response::open();
     let mut trial = [0.0; 5];
     let mut length = 0.0;
     for j in 0..dim {
@@ -340,11 +350,9 @@ fn slip_ellipsoid(jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5
         }
     }
     out.zone = if sliding { Zone::Slide } else { Zone::Stick };
-    out
 }
 
-fn slip_box(jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], normals: &[f64; 5]) -> Response {
-    let mut out = Response::open();
+fn slip_box(out: &mut Response, jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], normals: &[f64; 5]) {
     let mut saturated = 0;
     for j in 0..jar.len() {
         let resistance = kappa / (friction[j] * friction[j]);
@@ -360,5 +368,4 @@ fn slip_box(jar: &[f64], centre: &[f64; 5], kappa: f64, friction: &[f64; 5], nor
         out.cost -= out.force[j] * jar[j] + 0.5 * resistance * off * off;
     }
     out.zone = Zone::Facet(saturated);
-    out
 }

@@ -179,12 +179,12 @@ pub struct ContactSet {
 }
 
 impl ContactSet {
-    /// Reads the contacts between hand and target after the collision stage. Those that the engine keeps out of its
-    /// solve because they lie within the gap are left out.
-    pub fn read(&mut self, sim: &Simulation, topology: &Topology) {
+    /// Reads the contacts between hand and target: the engine's of this step, or others in its order. Those that the
+    /// engine keeps out of its solve because they lie within the gap are left out.
+    pub fn read(&mut self, detected: impl Iterator<Item = Contact>, sim: &Simulation, topology: &Topology) {
         std::mem::swap(&mut self.now, &mut self.before);
         self.now.clear();
-        for (index, contact) in sim.contacts().enumerate() {
+        for (index, contact) in detected.enumerate() {
             if contact.excluded {
                 continue;
             }

@@ -2,6 +2,7 @@
 
 use super::bounds::Bounds;
 use super::contacts::{ContactSet, GraspContact};
+use super::detector::Detector;
 use super::error::Error;
 use super::merged_solve::MergedSolver;
 use super::phase::{Observation, Phase, PhaseMachine};
@@ -97,6 +98,7 @@ pub struct Grasp {
     release_quality: f64,
     machine: PhaseMachine,
     topology: Topology,
+    detector: Detector,
     set: ContactSet,
     gram: Gram,
     solver: GraspSolver,
@@ -169,6 +171,7 @@ impl Grasp {
         for link in &links {
             is_link[link.index()] = true;
         }
+        let detector = Detector::new(sim, &topology)?;
         Ok(Grasp {
             target: spec.target,
             palm,
@@ -185,6 +188,7 @@ impl Grasp {
             solver: GraspSolver::new(&topology, model.dof_parentid()),
             status: SolveStatus::default(),
             topology,
+            detector,
             live: Vec::new(),
             force: GraspForce::default(),
         })
@@ -306,7 +310,7 @@ impl Grasp {
     }
 
     fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {
-        self.set.read(sim, &self.topology);
+        self.set.read(sim.contacts(), sim, &self.topology);
         self.set.read_forces(sim)?;
         self.measure(sim);
         Ok(())
@@ -328,9 +332,19 @@ impl Grasp {
         }
     }
 
+    /// Finds the contacts in the place of the engine's collision stage; false if the engine has to look itself, because
+    /// something else might touch something.
+    pub(super) fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+        let alone = self.detector.replaces_collision(sim)?;
+        if alone {
+            self.set.read(self.detector.found().iter().cloned(), sim, &self.topology);
+        }
+        Ok(alone)
+    }
+
     /// Takes the contacts out of the engine's solve, between collision and constraint making.
     pub(super) fn take_contacts(&mut self, sim: &mut Simulation) -> Result<(), Error> {
-        self.set.read(sim, &self.topology);
+        self.set.read(sim.contacts(), sim, &self.topology);
         for contact in self.set.contacts() {
             sim.exclude_contact(contact.index)?;
         }

@@ -3,7 +3,7 @@
 use super::arrow::{ROOT, RootVector};
 
 /// `sum x_i y_i`, in four strands so that the additions do not wait for each other.
-#[inline]
+#[inline(always)]
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut strands = [0.0; 4];
     let (xs, ys) = (x.chunks_exact(4), y.chunks_exact(4));
@@ -22,7 +22,7 @@ pub fn norm(x: &[f64]) -> f64 {
 }
 
 /// `y += a x`
-#[inline]
+#[inline(always)]
 pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;
@@ -32,6 +32,7 @@ pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 /// Solves `A x = b` in place for a symmetric positive definite `A`, of which the lower triangle is read and replaced by
 /// its factor. A pivot that rounding makes non-positive is raised to the smallest positive number: the callers'
 /// matrices are bounded below by the identity.
+#[inline(always)]
 pub fn cholesky_solve(a: &mut [RootVector; ROOT], b: &mut RootVector) {
     let mut inverse = [0.0; ROOT];
     for j in 0..ROOT {

@@ -8,6 +8,7 @@
 //! All references are velocities, except the normals' springs, so a row at its bound has nothing to spring back to.
 
 use super::bounds::Bounds;
+use super::cone::Zone;
 use super::contacts::GraspContact;
 use super::controller::Limits;
 use super::error::Error;
@@ -354,6 +355,8 @@ impl MergedSolver {
         let Some(rows) = self.rows.take() else { return };
         self.wrench = Vector6::from_fn(|axis, _| sim.efc_force()[rows[axis]]);
         let wrench = turn(&self.frame, &self.wrench);
+        let at_bound = |axis: usize| self.bounded[axis] && self.wrench[axis].abs() >= self.bounds.axis(axis);
+        let zone = if (0..WELD_ROWS).any(at_bound) { Zone::Slide } else { Zone::Stick };
         self.memory.clear();
         for (block, &i) in self.order.iter().enumerate() {
             let c = &mut contacts[i];
@@ -362,6 +365,7 @@ impl MergedSolver {
                 c.force_rows[row] = self.merged.share(at).dot(&wrench) - self.internal[at];
             }
             c.update_force();
+            c.zones = [zone; 2];
             self.memory.push(Memory::of(c, self.laws[block].offset));
         }
         self.bounds = Bounds::of(contacts.iter().map(|c| c.contact_force()));

@@ -8,6 +8,7 @@ mod conic;
 mod contacts;
 mod controller;
 pub mod dense;
+mod detector;
 mod error;
 pub mod gram;
 pub mod hull;

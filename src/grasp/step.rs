@@ -67,17 +67,13 @@ pub fn engine_step_timed(sim: &mut Simulation, clock: &mut StageClock) -> Result
 }
 
 fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -> Result<(), Error> {
-    let latched = |g: &Grasp| g.phase() == Phase::Grasped;
     weld::adapt_settings(sim, grasps)?;
     sim.check_pos()?;
     sim.check_vel()?;
     sim.kinematics()?;
     sim.inertia()?;
     clock.contact(|| -> Result<(), Error> {
-        sim.collision()?;
-        for grasp in grasps.iter_mut().filter(|g| latched(g)) {
-            grasp.take_contacts(sim)?;
-        }
+        detect(sim, grasps)?;
         weld::make_constraint(sim, grasps)
     })?;
     sim.transmission()?;
@@ -107,6 +103,22 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
         Ok(())
     })?;
     sim.integrate()?;
+    Ok(())
+}
+
+/// Collision detection; the contacts of latched grasps do not go on to the engine's solve.
+fn detect(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+    let mut latched = grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped);
+    let (first, second) = (latched.next(), latched.next());
+    if let (Some(only), None) = (first, second) {
+        if only.detect_alone(sim)? {
+            return Ok(());
+        }
+    }
+    sim.collision()?;
+    for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
+        grasp.take_contacts(sim)?;
+    }
     Ok(())
 }
 

@@ -16,7 +16,11 @@ use crate::mujoco::BodyId;
 pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
     let mut runner = Runner::new(plan, Mode::Full, None)?;
     let from = plan.timeline.measure_from();
-    let failed = |runner: &Runner, source| Error::Step { what: "full mode, push none".into(), time: runner.time(), source };
+    let failed = |runner: &Runner, source| Error::Step {
+        what: "full mode, push none".into(),
+        time: runner.time(),
+        source,
+    };
     if let Err(source) = runner.advance_to(from) {
         return Err(failed(&runner, source));
     }
@@ -39,7 +43,14 @@ pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
 fn weight(runner: &Runner, target: BodyId) -> (Vector3<f64>, Vector6<f64>) {
     let sim = runner.sim();
     let model = sim.model();
-    let gravity = if model.has_gravity() { model.gravity() } else { Vector3::zeros() };
+    let gravity = if model.has_gravity() {
+        model.gravity()
+    } else {
+        Vector3::zeros()
+    };
     let force = model.body_subtreemass()[target.index()] * gravity;
-    (sim.subtree_com_of(target), Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0))
+    (
+        sim.subtree_com_of(target),
+        Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0),
+    )
 }

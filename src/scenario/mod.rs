@@ -4,6 +4,7 @@
 //! source -> file -> plan -> runner -> trajectory -> outcome -> compare
 //! (where)  (TOML)  (names) (steps)    (samples)    (one run)  (both modes)
 //! ```
+pub mod actuator;
 pub mod bench;
 pub mod builtin;
 pub mod compare;

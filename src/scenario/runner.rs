@@ -53,7 +53,6 @@ pub struct Runner {
     watch: Watch,
 }
 
-
 /// What is recorded of the grasp that the run is about.
 #[derive(Clone, Debug)]
 struct Watch {
@@ -86,15 +85,24 @@ impl Runner {
         let mut grasps = Vec::with_capacity(plan.grasps.len());
         let mut trackers = Vec::new();
         for (index, spec) in plan.grasps.iter().enumerate() {
-            let grasp = Grasp::new(&sim, spec).map_err(|source| {
-                Error::Grasp { file: plan.file.clone(), index, source }
+            let grasp = Grasp::new(&sim, spec).map_err(|source| Error::Grasp {
+                file: plan.file.clone(),
+                index,
+                source,
             })?;
             let tracker = Tracker::new(&sim, &plan.goals, index, grasp.palm(), grasp.target());
-            trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
+            trackers.extend(tracker.map_err(|source| Error::Goal {
+                file: plan.file.clone(),
+                source,
+            })?);
             grasps.push(grasp);
         }
         let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
-        let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
+        let pins = if plan.timeline.pin_until > 0.0 {
+            Pin::all(&mut sim, &targets)
+        } else {
+            Vec::new()
+        };
         let watched = push.map_or(0, |p| p.grasp);
         Ok(Self {
             mode,
@@ -114,9 +122,10 @@ impl Runner {
         })
     }
 
-    /// Time of the next step, from the start of the scenario \[s\].
+    /// Time of the next step, from the start of the scenario \[s\], rounded to the nanosecond: k * h is no round number in
+    /// binary, and is read by people.
     pub fn time(&self) -> f64 {
-        self.steps as f64 * self.timestep
+        (self.steps as f64 * self.timestep * 1e9).round() / 1e9
     }
 
     /// Steps of the whole run: one for each multiple of the time step from 0 to the duration.
@@ -176,9 +185,14 @@ impl Runner {
     pub fn trajectory(&self) -> Trajectory {
         let model = self.sim.model();
         let name = |&link: &BodyId| {
-            model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned)
+            model
+                .body_name(link)
+                .map_or_else(|| format!("body{}", link.index()), str::to_owned)
         };
-        Trajectory::new(self.grasp().links().iter().map(name).collect(), self.total_steps() as usize)
+        Trajectory::new(
+            self.grasp().links().iter().map(name).collect(),
+            self.total_steps() as usize,
+        )
     }
 
     /// Runs up to `time` without recording.
@@ -202,7 +216,9 @@ impl Runner {
         if pinned {
             self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));
         } else {
-            self.pins.drain(..).for_each(|pin| pin.let_go(&mut self.sim));
+            self.pins
+                .drain(..)
+                .for_each(|pin| pin.let_go(&mut self.sim));
         }
         self.control(time)?;
         self.apply_push(time);
@@ -218,7 +234,7 @@ impl Runner {
         let step_ns = clock.elapsed().as_nanos() as u64;
         if self.mode == Mode::Full {
             for grasp in &mut self.grasps {
-                grasp.monitor(&self.sim);
+                grasp.monitor(&self.sim)?;
             }
         }
         self.grasps[self.watch.grasp].read_slip(&self.sim);
@@ -226,7 +242,12 @@ impl Runner {
         let sample = self.watch.sample(
             &self.sim,
             &self.grasps[self.watch.grasp],
-            Now { time, step_ns, grasped, slipping: (time >= self.measure_from - half).then_some(self.timestep) },
+            Now {
+                time,
+                step_ns,
+                grasped,
+                slipping: (time >= self.measure_from - half).then_some(self.timestep),
+            },
         );
         self.settle();
         Ok(sample)
@@ -252,7 +273,8 @@ impl Runner {
         let Some(push) = &self.push else { return };
         let half = 0.5 * self.timestep;
         let on = time >= push.start - half && time < push.end - half;
-        let wrench = &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
+        let wrench =
+            &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
         wrench.fill(0.0);
         if on {
             wrench[..3].copy_from_slice(push.force.as_slice());
@@ -293,13 +315,19 @@ impl Watch {
             }
             body == ancestor
         };
-        let in_target: Vec<bool> = (0..model.nbody()).map(|b| below(target.index(), b)).collect();
+        let in_target: Vec<bool> = (0..model.nbody())
+            .map(|b| below(target.index(), b))
+            .collect();
         let in_hand: Vec<bool> = (0..model.nbody())
             .map(|b| {
                 !in_target[b]
                     && if palm == BodyId::WORLD {
                         // Fingers that stand on the world: the trees that hold the links.
-                        b != 0 && grasp.links().iter().any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
+                        b != 0
+                            && grasp
+                                .links()
+                                .iter()
+                                .any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
                     } else {
                         below(palm.index(), b)
                     }
@@ -310,8 +338,22 @@ impl Watch {
             link_of[link.index()] = Some(i);
         }
         let n = grasp.links().len();
-        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
-        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, velocities, slip }
+        let (normal_forces, velocities, slip) = (
+            vec![0.0; n],
+            vec![Vector3::zeros(); n],
+            vec![Vector3::zeros(); n],
+        );
+        Self {
+            grasp: index,
+            palm,
+            target,
+            in_hand,
+            in_target,
+            link_of,
+            normal_forces,
+            velocities,
+            slip,
+        }
     }
 
     fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
@@ -322,7 +364,9 @@ impl Watch {
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
                 if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
-                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
+                    self.velocities[link] = palm
+                        .rotation
+                        .inverse_transform_vector(&contact.slip_velocity);
                 }
             }
         }
@@ -334,7 +378,8 @@ impl Watch {
         let (mut touching, mut penetration) = (false, 0.0_f64);
         for contact in sim.contacts() {
             let [a, b] = contact.bodies.map(BodyId::index);
-            let ours = (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
+            let ours =
+                (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
             if ours && contact.dist < contact.include_margin {
                 touching = true;
                 penetration = penetration.max(-contact.dist);

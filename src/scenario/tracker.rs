@@ -7,7 +7,8 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::plan::{Goal, PositionActuator};
+use super::actuator::PositionActuator;
+use super::plan::Goal;
 use crate::kinematics::{Error, InverseKinematics};
 use crate::mujoco::{BodyId, Simulation, SiteId};
 
@@ -48,7 +49,10 @@ enum State {
 
 /// Pose of a body in the world.
 pub(super) fn pose(sim: &Simulation, body: BodyId) -> Isometry3<f64> {
-    let (p, q) = (&sim.xpos()[3 * body.index()..], &sim.xquat()[4 * body.index()..]);
+    let (p, q) = (
+        &sim.xpos()[3 * body.index()..],
+        &sim.xquat()[4 * body.index()..],
+    );
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
     Isometry3::from_parts(Translation3::new(p[0], p[1], p[2]), rotation)
 }
@@ -62,16 +66,29 @@ impl Tracker {
     ///
     /// # Errors
     /// Tips that no position actuator can move.
-    pub fn new(sim: &Simulation, goals: &[Goal], index: usize, palm: BodyId, target: BodyId) -> Result<Option<Self>, Error> {
+    pub fn new(
+        sim: &Simulation,
+        goals: &[Goal],
+        index: usize,
+        palm: BodyId,
+        target: BodyId,
+    ) -> Result<Option<Self>, Error> {
         let own: Vec<&Goal> = goals.iter().filter(|g| g.grasp == index).collect();
         if own.is_empty() {
             return Ok(None);
         }
         let model = sim.model();
-        let driven: Vec<_> = model.joints().filter(|&j| PositionActuator::of(model, j).is_some()).collect();
+        let driven: Vec<_> = model
+            .joints()
+            .filter(|&j| PositionActuator::of(model, j).is_some())
+            .collect();
         let tips: Vec<SiteId> = own.iter().map(|g| g.tip).collect();
         let ik = InverseKinematics::new(sim, palm, &tips, &driven)?;
-        let actuators = ik.joints().iter().filter_map(|&j| PositionActuator::of(model, j)).collect();
+        let actuators = ik
+            .joints()
+            .iter()
+            .filter_map(|&j| PositionActuator::of(model, j))
+            .collect();
         let n = own.len();
         Ok(Some(Self {
             grasp: index,
@@ -112,13 +129,19 @@ impl Tracker {
             self.state = State::Tracking;
         }
         let gone = APPROACH_SPEED * (time - self.start).max(0.0);
-        let share = if gone < self.farthest { gone / self.farthest } else { 1.0 };
+        let share = if gone < self.farthest {
+            gone / self.farthest
+        } else {
+            1.0
+        };
         if share == 1.0 && weak {
             self.pressed = (self.pressed + PRESS_RATE * step).min(PRESS_LIMIT);
         }
         let target = pose(sim, self.target);
         for (i, point) in self.points.iter_mut().enumerate() {
-            let goal = target.inverse_transform_point(&site(sim, self.goals[i]).into()).coords;
+            let goal = target
+                .inverse_transform_point(&site(sim, self.goals[i]).into())
+                .coords;
             let local = self.from[i].lerp(&goal, share) + self.inward[i] * self.pressed;
             *point = target.transform_point(&local.into()).coords;
         }
@@ -135,7 +158,10 @@ impl Tracker {
 
     /// (index into ctrl, target) of each joint in the last solution.
     pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.actuators.iter().zip(self.ik.values()).map(|(a, q)| (a.index, a.scale * q + a.offset))
+        self.actuators
+            .iter()
+            .zip(self.ik.values())
+            .map(|(a, q)| (a.index, a.scale * q + a.offset))
     }
 
     /// The solver, for timing it.
@@ -153,24 +179,38 @@ impl Tracker {
         self.ik.start_from(sim);
         let (joints, actuators) = (self.ik.joints().to_vec(), &self.actuators);
         self.ik.start_at(|joint| {
-            let a = joints.iter().position(|&j| j == joint).map(|i| actuators[i]);
-            a.map_or(0.0, |a| (ctrl.get(a.index).copied().unwrap_or(0.0) - a.offset) / a.scale)
+            let a = joints
+                .iter()
+                .position(|&j| j == joint)
+                .map(|i| actuators[i]);
+            a.map_or(0.0, |a| {
+                (ctrl.get(a.index).copied().unwrap_or(0.0) - a.offset) / a.scale
+            })
         });
         self.ik.tips(&mut self.from);
         let (palm, target) = (pose(sim, self.palm), pose(sim, self.target));
         let body = self.target.index();
         let ipos = &sim.model().body_ipos()[3 * body..3 * body + 3];
         let centre = Vector3::from_column_slice(ipos);
-        let goals: Vec<Vector3<f64>> =
-            self.goals.iter().map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords).collect();
+        let goals: Vec<Vector3<f64>> = self
+            .goals
+            .iter()
+            .map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords)
+            .collect();
         self.farthest = 0.0;
         for (i, goal) in goals.iter().enumerate() {
             let tip = palm.transform_point(&self.from[i].into());
             self.from[i] = target.inverse_transform_point(&tip).coords;
             self.farthest = self.farthest.max((goal - self.from[i]).norm());
             // Two tips can only squeeze along the line that joins them; more squeeze towards the centre of mass.
-            let towards = if let [a, b] = goals.as_slice() { 0.5 * (a + b) } else { centre };
-            self.inward[i] = (towards - goal).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+            let towards = if let [a, b] = goals.as_slice() {
+                0.5 * (a + b)
+            } else {
+                centre
+            };
+            self.inward[i] = (towards - goal)
+                .try_normalize(1e-9)
+                .unwrap_or_else(Vector3::zeros);
         }
     }
 

@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use mujoco_grasp::grasp::Limits;
 use mujoco_grasp::mujoco;
+use mujoco_grasp::scenario::Error;
 use mujoco_grasp::scenario::onset::{full_at_measure, onset};
 use mujoco_grasp::scenario::outcome::Outcome;
 use mujoco_grasp::scenario::plan::Plan;
@@ -36,10 +37,15 @@ pub struct Args {
     #[arg(long, value_enum)]
     limits: Option<LimitsArg>,
     /// Noslip iterations of full mode, instead of the model's.
-    #[arg(long, value_name = "N")]
-    noslip: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
+    noslip: Option<u16>,
     /// Multiplies every push.
-    #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "X",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
     scale_push: f64,
     /// Scales each push to this share of the smallest that full mode does not hold (found by bisection).
     #[arg(long, value_name = "X", conflicts_with = "scale_push")]
@@ -100,7 +106,9 @@ struct Report<'a> {
 
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let options = Options { noslip: args.noslip };
+    let options = Options {
+        noslip: args.noslip.map(usize::from),
+    };
     let mut plan = Plan::load(&args.scenario)?.scale_pushes(args.scale_push)?;
     if let Some(limits) = args.limits {
         plan = plan.with_limits(limits.limits());
@@ -110,21 +118,33 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     }
     let pushes = plan.select_pushes(&args.push)?;
     let modes = args.mode.modes();
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
     // Sets a run up before anything is written: bad input leaves no folder behind.
     let steps = Runner::new(&plan, modes[0], pushes.first().copied().flatten())?.total_steps();
-    std::fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    std::fs::create_dir_all(&out)
+        .with_context(|| format!("cannot make the folder {}", out.display()))?;
 
     let progress = Progress::new(steps * (modes.len() * pushes.len()) as u64, "simulating");
-    let observer = Observer { steps: &|n| progress.advance(n), finished: &|run: &Run| run.write_csv(&out).map(drop) };
+    let observer = Observer {
+        steps: &|n| progress.advance(n),
+        finished: &|run: &Run| run.write_csv(&out).map(drop),
+    };
     let pairs = run_all(&plan, modes, &pushes, options, &observer);
     progress.finish();
     let pairs = pairs?;
 
     let runs = || pairs.iter().flat_map(|p| [&p.full, &p.grasp]).flatten();
     runs().for_each(warn);
-    let failures: Vec<String> = runs().filter_map(|r| r.error.as_ref()).map(ToString::to_string).collect();
-    failures.iter().for_each(|message| complain("error", message));
+    let failures: Vec<String> = runs()
+        .filter_map(|r| r.error.as_ref())
+        .map(ToString::to_string)
+        .collect();
+    failures
+        .iter()
+        .for_each(|message| complain("error", message));
     let error = (!failures.is_empty()).then(|| failures.join("; "));
     let failed = error.is_some();
     let report = Report {
@@ -136,24 +156,61 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         error,
     };
     output.write(&report, || text(&report, &out))?;
-    Ok(if failed { ExitCode::from(FAILURE) } else { ExitCode::SUCCESS })
+    Ok(if failed {
+        ExitCode::from(FAILURE)
+    } else {
+        ExitCode::SUCCESS
+    })
 }
 
 /// Multiplies the selected pushes so that each is `share` of the smallest that full mode does not hold.
-fn scale_to_onset(mut plan: Plan, share: f64, selection: &str, options: Options) -> anyhow::Result<Plan> {
-    let selected: Vec<String> =
-        plan.select_pushes(selection)?.into_iter().flatten().map(|p| p.name.clone()).collect();
+fn scale_to_onset(
+    mut plan: Plan,
+    share: f64,
+    selection: &str,
+    options: Options,
+) -> anyhow::Result<Plan> {
+    if !share.is_finite() {
+        let (option, value, expected) = (
+            "--at-onset",
+            share.to_string(),
+            "it must be a finite number",
+        );
+        return Err(Error::Option {
+            option,
+            value,
+            expected,
+        }
+        .into());
+    }
+    let selected: Vec<String> = plan
+        .select_pushes(selection)?
+        .into_iter()
+        .flatten()
+        .map(|p| p.name.clone())
+        .collect();
     let start = full_at_measure(&plan, options)?;
     let factors: Vec<Option<f64>> = plan
         .pushes
         .par_iter()
-        .map_with(start, |start, p| selected.contains(&p.name).then(|| onset(start, &plan, p)).flatten())
+        .map_with(start, |start, p| {
+            selected
+                .contains(&p.name)
+                .then(|| onset(start, &plan, p))
+                .flatten()
+        })
         .collect();
     for (push, factor) in plan.pushes.iter_mut().zip(factors) {
         match factor {
             Some(factor) => *push = push.scaled(share * factor),
             None if selected.contains(&push.name) => {
-                complain("warning", &format!("push {}: no size of it is found that is not held; left as it is", push.name));
+                complain(
+                    "warning",
+                    &format!(
+                        "push {}: no size of it is found that is not held; left as it is",
+                        push.name
+                    ),
+                );
             }
             None => {}
         }
@@ -181,14 +238,31 @@ fn warn(run: &Run) {
 
 fn text(report: &Report<'_>, out: &std::path::Path) -> String {
     let heads = [
-        "push", "mode", "outcome", "latched s", "released s", "peak mm", "final mm", "sinks in mm", "creep um/s",
-        "squeeze N", "slips at s", "step us",
+        "push",
+        "mode",
+        "outcome",
+        "latched s",
+        "released s",
+        "peak mm",
+        "final mm",
+        "sinks in mm",
+        "creep um/s",
+        "squeeze N",
+        "slips at s",
+        "step us",
     ];
     let mut rows = vec![heads.map(str::to_owned).to_vec()];
     let mut compared = vec![
-        ["push", "same outcome", "position rmse mm", "relative", "rotation rmse mrad", "normal force"]
-            .map(str::to_owned)
-            .to_vec(),
+        [
+            "push",
+            "same outcome",
+            "position rmse mm",
+            "relative",
+            "rotation rmse mrad",
+            "normal force",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
     ];
     for pair in report.runs {
         for run in [&pair.full, &pair.grasp].into_iter().flatten() {

@@ -1,0 +1,48 @@
+//! Finding the contacts of a latched grasp.
+//!
+//! The engine's collision stage looks at every pair of bodies. While a grasp is latched, the contacts between hand and
+//! target are found directly by the engine's own narrow phase, and its whole collision stage is left out of a step for
+//! which nothing else can touch anything.
+
+use super::error::Error;
+use super::topology::Topology;
+use crate::mujoco::{Clearance, Contact, GeomId, PairCollider, Simulation};
+
+/// Collision detection for one grasp.
+#[derive(Debug, Clone)]
+pub(super) struct Detector {
+    collider: PairCollider,
+    clearance: Clearance,
+    found: Vec<Contact>,
+}
+
+impl Detector {
+    /// For all geoms of hand and target.
+    pub(super) fn new(sim: &Simulation, topology: &Topology) -> Result<Self, Error> {
+        let geoms = |belongs: &dyn Fn(usize) -> bool| -> Vec<GeomId> {
+            let bodies = sim.model().geom_bodyid();
+            (0..bodies.len()).filter(|&g| belongs(bodies[g] as usize)).map(GeomId::from_index).collect()
+        };
+        let hand = geoms(&|body| topology.in_hand(body));
+        let target = geoms(&|body| topology.in_target(body));
+        let collider = PairCollider::new(sim, &hand, &target)?;
+        let clearance = Clearance::new(sim, &collider);
+        Ok(Detector { collider, clearance, found: Vec::new() })
+    }
+
+    /// Takes the place of the engine's collision stage if nothing but hand and target can touch; false, with nothing
+    /// done, if something else might.
+    pub(super) fn replaces_collision(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+        if !self.clearance.certifies(sim)? {
+            return Ok(false);
+        }
+        sim.skip_collision();
+        self.collider.collide(sim, &mut self.found)?;
+        Ok(true)
+    }
+
+    /// The contacts between hand and target, in the engine's order.
+    pub(super) fn found(&self) -> &[Contact] {
+        &self.found
+    }
+}

@@ -1,0 +1,101 @@
+//! The five-finger claw of tests/data, closed around its ball.
+#![allow(dead_code)]
+
+use mujoco_grasp::grasp::{self, Grasp, GraspSpec};
+use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
+use nalgebra::Vector3;
+
+#[derive(Clone)]
+pub struct Claw {
+    pub sim: Simulation,
+    pub grasps: Vec<Grasp>,
+    target: BodyId,
+    palm: BodyId,
+    open: Vec<f64>,
+}
+
+impl Claw {
+    /// Closed around the ball, at rest, not yet latched; latching is allowed.
+    pub fn closed(file: &str) -> Claw {
+        let path = format!("{}/tests/data/{file}", env!("CARGO_MANIFEST_DIR"));
+        let model = Model::from_xml_file(path).expect("the claw");
+        let mut sim = Simulation::new(&model).expect("a simulation");
+        let key = sim.model().keyframe("open").expect("keyframe");
+        sim.reset_to_keyframe(key).expect("a reset");
+        let (target, palm) = (sim.model().body("object").expect("object"), sim.model().body("palm").expect("palm"));
+        let grasps = vec![Grasp::new(&sim, &GraspSpec::new(target, palm)).expect("a grasp")];
+        let open = sim.ctrl().to_vec();
+        let mut claw = Claw { sim, grasps, target, palm, open };
+        claw.grasps[0].allow_latch(false);
+        let joint = claw.sim.model().free_joint_of(target).expect("a free joint");
+        let (q, v) = (claw.sim.model().jnt_qposadr()[joint.index()] as usize, claw.target_dof());
+        let start = claw.sim.qpos()[q..q + 7].to_vec();
+        while claw.sim.time() < 2.0 {
+            claw.sim.qpos_mut()[q..q + 7].copy_from_slice(&start);
+            claw.sim.qvel_mut()[v..v + 6].fill(0.0);
+            claw.close((claw.sim.time() / 1.6).min(1.0));
+            claw.step();
+        }
+        while claw.sim.time() < 3.0 {
+            claw.step();
+        }
+        claw.grasps[0].allow_latch(true);
+        claw
+    }
+
+    fn close(&mut self, part: f64) {
+        for actuator in self.sim.model().actuators().collect::<Vec<_>>() {
+            let name = self.sim.model().label(actuator);
+            let closed = [("mcp", 0.45), ("pip", 0.75), ("dip", 0.3)];
+            let goal = closed.iter().find(|(joint, _)| name.contains(joint)).map_or(0.0, |(_, angle)| *angle);
+            let i = actuator.index();
+            self.sim.ctrl_mut()[i] = self.open[i] + part * (goal - self.open[i]);
+        }
+    }
+
+    /// Sends the fingers back to the open pose.
+    pub fn open(&mut self) {
+        let open = self.open.clone();
+        self.sim.ctrl_mut().copy_from_slice(&open);
+    }
+
+    pub fn step(&mut self) {
+        grasp::step(&mut self.sim, &mut self.grasps).expect("a step");
+    }
+
+    pub fn run(&mut self, seconds: f64) {
+        for _ in 0..(seconds / self.sim.model().timestep()).round() as usize {
+            self.step();
+        }
+    }
+
+    pub fn run_in_full_mode(&mut self, seconds: f64) {
+        self.grasps[0].allow_latch(false);
+        self.run(seconds);
+    }
+
+    pub fn grasp(&self) -> &Grasp {
+        &self.grasps[0]
+    }
+
+    /// First degree of freedom of the target.
+    pub fn target_dof(&self) -> usize {
+        self.sim.model().body_dofadr()[self.target.index()] as usize
+    }
+
+    /// Position of the target in the palm's frame.
+    pub fn offset(&self) -> Vector3<f64> {
+        let away = self.sim.body_position(self.target) - self.sim.body_position(self.palm);
+        self.sim.body_rotation(self.palm).transpose() * away
+    }
+
+    /// Linear acceleration of the target, world.
+    pub fn acceleration(&self) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.sim.qacc()[self.target_dof()..self.target_dof() + 3])
+    }
+
+    /// A force at the target's centre of mass, world, until changed.
+    pub fn push(&mut self, force: Vector3<f64>) {
+        self.sim.set_body_wrench(self.target, &force, &Vector3::zeros()).expect("a wrench");
+    }
+}
