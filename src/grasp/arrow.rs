@@ -121,12 +121,7 @@ impl Arrow {
     pub fn add_block(&mut self, law: Law, zone: Zone, root_rows: &[RootVector], bias: &[f64], forces: &[f64]) {
         let mut response = Response::open();
         response.zone = zone;
-        self.blocks.push(Block {
-            rows: bias.len(),
-            row0: self.bias.len(),
-            law,
-            response,
-        });
+        self.blocks.push(Block { rows: bias.len(), row0: self.bias.len(), law, response });
         self.root_rows.extend_from_slice(root_rows);
         self.bias.extend_from_slice(bias);
         self.forces.extend_from_slice(forces);
@@ -223,11 +218,7 @@ impl Arrow {
             buffer.resize(rows, 0.0);
         }
         self.stiffness.resize(self.mobility.len(), 0.0);
-        let mut newton = Newton {
-            gradient: [0.0; ROOT],
-            step: [0.0; ROOT],
-            hessian: [[0.0; ROOT]; ROOT],
-        };
+        let mut newton = Newton { gradient: [0.0; ROOT], step: [0.0; ROOT], hessian: [[0.0; ROOT]; ROOT] };
         self.residuals(z);
         for b in &mut self.blocks {
             let zone = b.response.zone;

@@ -103,11 +103,7 @@ impl GraspContact {
     /// The wrench of a unit force of row `i` on the target, `[torque about point; force]`.
     pub fn unit_wrench(&self, i: usize, point: &Vector3<f64>) -> Spatial {
         let axis = &self.axes[i % 3];
-        if i < 3 {
-            spatial(&(self.position - point).cross(axis), axis)
-        } else {
-            spatial(axis, &Vector3::zeros())
-        }
+        if i < 3 { spatial(&(self.position - point).cross(axis), axis) } else { spatial(axis, &Vector3::zeros()) }
     }
 
     /// The wrench of this contact on the target, `[torque about point; force]`.

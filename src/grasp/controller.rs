@@ -5,15 +5,15 @@ use super::contacts::{ContactSet, GraspContact};
 use super::detector::Detector;
 use super::error::Error;
 use super::merged_solve::MergedSolver;
+use super::mobility::Dynamics;
 use super::phase::{Observation, Phase, PhaseMachine};
 use super::quality::{self, Gram};
-use super::mobility::Dynamics;
 use super::softness::{ConeKind, SolverOptions};
 use super::solve::{GraspSolver, SolveStatus};
-use super::weld::{self, Settings};
-use super::wrench::ContactForce;
 use super::step::GraspForce;
 use super::topology::{Topology, Tree, is_ancestor, lowest_common_ancestor};
+use super::weld::{self, Settings};
+use super::wrench::ContactForce;
 use crate::mujoco::{BodyId, Cone, DISABLE_REFSAFE, EqualityId, Integrator, Simulation};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
@@ -149,7 +149,9 @@ impl Grasp {
         let links = if spec.effectors.is_empty() {
             model
                 .bodies()
-                .filter(|b| b.index() != palm.index() && topology.in_hand(b.index()) && model.body_geomnum()[b.index()] > 0)
+                .filter(|b| {
+                    b.index() != palm.index() && topology.in_hand(b.index()) && model.body_geomnum()[b.index()] > 0
+                })
                 .collect()
         } else {
             spec.effectors.clone()

@@ -12,7 +12,9 @@ pub enum Error {
     #[error("effector \"{0}\" is the target (or a part of it); effectors are links of the hand that touch the target")]
     EffectorIsTarget(String),
     /// The target is a part of the hand's own kinematic tree.
-    #[error("target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint")]
+    #[error(
+        "target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint"
+    )]
     TargetInHand {
         /// Name of the target.
         target: String,
@@ -23,7 +25,9 @@ pub enum Error {
     #[error("target \"{0}\" is static: it has no joint, so nothing can hold or drop it; give it a free joint")]
     StaticTarget(String),
     /// An effector does not hang from the palm.
-    #[error("effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out")]
+    #[error(
+        "effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out"
+    )]
     EffectorOutsideHand {
         /// Name of the effector.
         effector: String,
@@ -47,7 +51,9 @@ pub enum Error {
         expected: &'static str,
     },
     /// An integrator whose step cannot be taken apart.
-    #[error("a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step")]
+    #[error(
+        "a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step"
+    )]
     Integrator,
     /// A form of the constraint that needs a weld, without one.
     #[error("limits \"{limits}\" needs a weld between the hand and the target {target}, and the model has none; load it with Model::from_xml_file_with(path, &grasp::weld_xml(target, None)), or append that element to the model's text after all other equality constraints")]
@@ -69,7 +75,9 @@ pub enum Error {
         welds: usize,
     },
     /// The grasp solve met numbers that are not finite.
-    #[error("the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help")]
+    #[error(
+        "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"
+    )]
     Diverged {
         /// Simulated time [s].
         time: f64,

@@ -79,11 +79,8 @@ pub fn softness(contact: &ContactParameters, options: &SolverOptions) -> Softnes
     } else {
         -solref[0] / (dmax * dmax).max(MIN_VALUE)
     };
-    let damping = if solref[1] > 0.0 {
-        2.0 / (dmax * solref[0]).max(MIN_VALUE)
-    } else {
-        -solref[1] / dmax.max(MIN_VALUE)
-    };
+    let damping =
+        if solref[1] > 0.0 { 2.0 / (dmax * solref[0]).max(MIN_VALUE) } else { -solref[1] / dmax.max(MIN_VALUE) };
     let depth = contact.dist - contact.margin;
     let impedance = impedance(&solimp, depth);
     let softening = (1.0 - impedance) / impedance;
@@ -97,40 +94,16 @@ pub fn softness(contact: &ContactParameters, options: &SolverOptions) -> Softnes
         (normal, Law::Unilateral { stiffness: 1.0 / normal })
     } else if pyramidal {
         let edge = 2.0 * mu * mu * ratio * normal;
-        (
-            edge,
-            Law::Pyramidal {
-                stiffness: 1.0 / edge,
-                friction: contact.friction,
-            },
-        )
+        (edge, Law::Pyramidal { stiffness: 1.0 / edge, friction: contact.friction })
     } else {
-        (
-            normal,
-            Law::Elliptic {
-                stiffness: 1.0 / normal,
-                cone: mu * ratio.sqrt(),
-                friction: contact.friction,
-            },
-        )
+        (normal, Law::Elliptic { stiffness: 1.0 / normal, cone: mu * ratio.sqrt(), friction: contact.friction })
     };
-    Softness {
-        damping,
-        spring: stiffness * impedance * depth,
-        regularisation,
-        law,
-    }
+    Softness { damping, spring: stiffness * impedance * depth, regularisation, law }
 }
 
 fn sanitised(solimp: [f64; 5]) -> [f64; 5] {
     let clamp = |x: f64| x.max(IMPEDANCE.0).min(IMPEDANCE.1);
-    [
-        clamp(solimp[0]),
-        clamp(solimp[1]),
-        solimp[2].max(0.0),
-        clamp(solimp[3]),
-        solimp[4].max(1.0),
-    ]
+    [clamp(solimp[0]), clamp(solimp[1]), solimp[2].max(0.0), clamp(solimp[3]), solimp[4].max(1.0)]
 }
 
 /// The impedance `d(r)` of MuJoCo's documentation at penetration `r`.

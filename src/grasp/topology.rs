@@ -147,9 +147,7 @@ impl Topology {
 
     /// True if the target hangs on the hand's own tree, so that hand and target are one mechanism.
     pub fn shares_tree(&self, tree: &Tree<'_>) -> bool {
-        self.palm != 0
-            && (is_ancestor(tree.body_parent, self.palm, self.target)
-                || !self.in_hand.iter().any(|&h| h))
+        self.palm != 0 && (is_ancestor(tree.body_parent, self.palm, self.target) || !self.in_hand.iter().any(|&h| h))
     }
 }
 

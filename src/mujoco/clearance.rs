@@ -121,11 +121,7 @@ impl Clearance {
                 second = moved;
             }
         }
-        if f64::is_finite(sum) {
-            first + second
-        } else {
-            f64::NAN
-        }
+        if f64::is_finite(sum) { first + second } else { f64::NAN }
     }
 
     /// Measures all distances anew.
@@ -141,12 +137,7 @@ impl Clearance {
             if clearance >= self.proximity.reach {
                 self.far = self.far.min(clearance);
             } else {
-                self.near.push(Near {
-                    group,
-                    at_check: clearance,
-                    clearance,
-                    relative: self.relative(sim, group),
-                });
+                self.near.push(Near { group, at_check: clearance, clearance, relative: self.relative(sim, group) });
             }
         }
     }
@@ -184,10 +175,7 @@ impl Clearance {
 
 impl Default for Placed {
     fn default() -> Self {
-        Self {
-            position: Vector3::zeros(),
-            quaternion: [1.0, 0.0, 0.0, 0.0],
-        }
+        Self { position: Vector3::zeros(), quaternion: [1.0, 0.0, 0.0, 0.0] }
     }
 }
 
@@ -204,9 +192,7 @@ impl Placed {
     /// No point within `radius` has moved farther than this from where it was.
     #[inline]
     fn moved(&self, before: &Self, radius: f64) -> f64 {
-        let turned: f64 = (0..4)
-            .map(|i| (self.quaternion[i] - before.quaternion[i]).powi(2))
-            .sum();
+        let turned: f64 = (0..4).map(|i| (self.quaternion[i] - before.quaternion[i]).powi(2)).sum();
         (self.position - before.position).norm() + 2.0 * turned.sqrt() * radius
     }
 }

@@ -47,12 +47,9 @@ pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};
 pub use ids::{
-    ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId,
-    SiteId, TendonId,
+    ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId, SiteId, TendonId,
 };
-pub use kinds::{
-    Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver,
-};
+pub use kinds::{Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver};
 pub use model::Model;
 pub use render::{Drawing, Renderer};
 pub use rows::ConstraintRow;

@@ -3,7 +3,7 @@
 use super::ffi;
 use super::mixing::ContactParameters;
 use super::pairs::{TestedPair, tested_pairs};
-use super::separation::separation;
+use super::separation::clearance;
 use super::shape::{Pose, Shape};
 use super::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
@@ -72,29 +72,17 @@ impl Proximity {
         for pair in &others {
             let mut between = pair.bodies.map(|body| part_of[body]);
             between.sort_by(|a, b| parts[*b].radius.total_cmp(&parts[*a].radius));
-            by_parts
-                .entry(between)
-                .or_default()
-                .push(Pair::new(sim, pair, &shapes));
+            by_parts.entry(between).or_default().push(Pair::new(sim, pair, &shapes));
         }
         let mut radii: Vec<f64> = parts.iter().map(|part| part.radius).collect();
         radii.sort_by(f64::total_cmp);
-        let mut proximity = Self {
-            reach: radii[radii.len() / 2].min(UNBOUNDED),
-            parts,
-            groups: Vec::new(),
-            pairs: Vec::new(),
-            shapes,
-        };
+        let mut proximity =
+            Self { reach: radii[radii.len() / 2].min(UNBOUNDED), parts, groups: Vec::new(), pairs: Vec::new(), shapes };
         for (parts, pairs) in by_parts {
             let first = proximity.pairs.len();
             let margin = pairs.iter().map(|pair| pair.margin).fold(0.0, f64::max);
             proximity.pairs.extend(pairs);
-            proximity.groups.push(Group {
-                parts,
-                pairs: first..proximity.pairs.len(),
-                margin,
-            });
+            proximity.groups.push(Group { parts, pairs: first..proximity.pairs.len(), margin });
         }
         proximity
     }
@@ -105,11 +93,7 @@ impl Proximity {
         let [a, b] = parts.map(|part| &self.parts[part]);
         let centre = |part: &Part| vector(sim.xipos(), part.body);
         let spheres = (centre(a) - centre(b)).norm() - a.radius - b.radius - margin;
-        if spheres >= self.reach {
-            spheres
-        } else {
-            self.clearance(sim, group)
-        }
+        if spheres >= self.reach { spheres } else { self.clearance(sim, group) }
     }
 
     /// How much closer the geoms of a group can come before one pair has a contact, m: a lower bound, which is exact
@@ -141,7 +125,7 @@ impl Proximity {
             rotation: Matrix3::from_row_slice(&sim.geom_xmat()[9 * geom..9 * geom + 9]),
         };
         let [pose_a, pose_b] = [pose(x, pair.geoms[0]), pose(y, pair.geoms[1])];
-        separation((a, &pose_a), (b, &pose_b), self.reach + pair.margin) - pair.margin
+        clearance((a, &pose_a), (b, &pose_b), pair.margin, self.reach)
     }
 }
 
@@ -157,24 +141,15 @@ impl Pair {
         };
         let margin = ContactParameters::new(sim.model(), pair).margin.max(0.0);
         let extents = pair.geoms.iter().flat_map(|&geom| &shapes[geom]);
-        let size: f64 = extents
-            .map(|shape| shape.extent)
-            .filter(|extent| extent.is_finite())
-            .sum();
-        Self {
-            geoms: pair.geoms,
-            margin: factor * margin + TOLERANCE * size,
-        }
+        let size: f64 = extents.map(|shape| shape.extent).filter(|extent| extent.is_finite()).sum();
+        Self { geoms: pair.geoms, margin: factor * margin + TOLERANCE * size }
     }
 }
 
 /// The parts, and the part of each body. The first part is the world, with everything that cannot move.
 fn parts(sim: &Simulation, shapes: &[Option<Shape>]) -> (Vec<Part>, Vec<usize>) {
     let model = sim.model();
-    let mut parts = vec![Part {
-        body: 0,
-        radius: f64::INFINITY,
-    }];
+    let mut parts = vec![Part { body: 0, radius: f64::INFINITY }];
     let mut part_of = vec![WORLD; model.nbody()];
     for (geom, shape) in shapes.iter().enumerate() {
         let (Some(shape), body) = (shape, model.geom_bodyid()[geom] as usize) else {

@@ -2,7 +2,8 @@
 
 use crate::mujoco::{ActuatorId, CompiledModel, JointId};
 
-/// The actuator that drives a joint to a position: its index and `ctrl = scale q + offset`.
+/// The actuator that drives a joint to a position: it rests at joint value q, with torque t on the joint, for
+/// `ctrl = scale q + offset + compliance t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositionActuator {
     /// Index into ctrl.
@@ -11,6 +12,8 @@ pub struct PositionActuator {
     pub scale: f64,
     /// ctrl at joint value 0.
     pub offset: f64,
+    /// ctrl per torque or force on the joint \[1/(N m) or 1/N, times the unit of ctrl\].
+    pub compliance: f64,
 }
 
 impl PositionActuator {
@@ -21,10 +24,7 @@ impl PositionActuator {
         const FIXED: i32 = 0; // mjGAIN_FIXED
         const AFFINE: i32 = 1; // mjBIAS_AFFINE
         model.actuators().map(ActuatorId::index).find_map(|a| {
-            let (gain, bias) = (
-                model.actuator_gainprm()[10 * a],
-                &model.actuator_biasprm()[10 * a..10 * a + 2],
-            );
+            let (gain, bias) = (model.actuator_gainprm()[10 * a], &model.actuator_biasprm()[10 * a..10 * a + 2]);
             let drives = JOINT.contains(&model.actuator_trntype()[a])
                 && model.actuator_trnid()[2 * a] as usize == joint.index()
                 && model.actuator_gaintype()[a] == FIXED
@@ -32,10 +32,11 @@ impl PositionActuator {
                 && gain != 0.0
                 && bias[1] < 0.0;
             let gear = model.actuator_gear()[6 * a];
-            drives.then(|| Self {
+            (drives && gear != 0.0).then(|| Self {
                 index: a,
                 scale: -bias[1] * gear / gain,
                 offset: -bias[0] / gain,
+                compliance: 1.0 / (gain * gear),
             })
         })
     }

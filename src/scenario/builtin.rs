@@ -13,5 +13,17 @@ pub struct Builtin {
     pub models: &'static [(&'static str, &'static str)],
 }
 
+/// Text of a file of the repository, from `models/`.
+macro_rules! model {
+    ($file:literal) => {
+        ($file, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/models/", $file)))
+    };
+}
+
 /// All built-in scenarios, in the order of `mujoco-grasp list`.
-pub const ALL: &[Builtin] = &[];
+pub const ALL: &[Builtin] = &[Builtin {
+    name: "clutch",
+    path: "scenarios/clutch.toml",
+    toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/clutch.toml")),
+    models: &[model!("clutch.xml"), model!("humanoid.xml"), model!("studio.xml")],
+}];

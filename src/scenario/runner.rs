@@ -9,7 +9,7 @@ use super::control::Schedule;
 use super::error::Error;
 use super::pin::Pin;
 use super::plan::{Plan, Push};
-use super::tracker::{Tracker, pose};
+use super::tracker::{Feel, Tracker, pose};
 use super::trajectory::{Sample, Trajectory};
 use crate::grasp::{self, Grasp, Phase};
 use crate::mujoco::{BodyId, Simulation};
@@ -80,29 +80,22 @@ impl Runner {
         if let Some(key) = plan.keyframe {
             sim.reset_to_keyframe(key)?;
         }
-        // Poses for the first step; the dynamics are not touched.
+        // Poses and weights for the first step; the solver is not touched.
         sim.kinematics()?;
+        sim.inertia()?;
+        sim.transmission()?;
+        sim.velocity()?;
         let mut grasps = Vec::with_capacity(plan.grasps.len());
         let mut trackers = Vec::new();
         for (index, spec) in plan.grasps.iter().enumerate() {
-            let grasp = Grasp::new(&sim, spec).map_err(|source| Error::Grasp {
-                file: plan.file.clone(),
-                index,
-                source,
-            })?;
+            let grasp =
+                Grasp::new(&sim, spec).map_err(|source| Error::Grasp { file: plan.file.clone(), index, source })?;
             let tracker = Tracker::new(&sim, &plan.goals, index, grasp.palm(), grasp.target());
-            trackers.extend(tracker.map_err(|source| Error::Goal {
-                file: plan.file.clone(),
-                source,
-            })?);
+            trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
             grasps.push(grasp);
         }
         let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
-        let pins = if plan.timeline.pin_until > 0.0 {
-            Pin::all(&mut sim, &targets)
-        } else {
-            Vec::new()
-        };
+        let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
         let watched = push.map_or(0, |p| p.grasp);
         Ok(Self {
             mode,
@@ -184,15 +177,9 @@ impl Runner {
     /// An empty trajectory with the links of the run's grasp and room for the whole run.
     pub fn trajectory(&self) -> Trajectory {
         let model = self.sim.model();
-        let name = |&link: &BodyId| {
-            model
-                .body_name(link)
-                .map_or_else(|| format!("body{}", link.index()), str::to_owned)
-        };
-        Trajectory::new(
-            self.grasp().links().iter().map(name).collect(),
-            self.total_steps() as usize,
-        )
+        let name =
+            |&link: &BodyId| model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned);
+        Trajectory::new(self.grasp().links().iter().map(name).collect(), self.total_steps() as usize)
     }
 
     /// Runs up to `time` without recording.
@@ -216,9 +203,7 @@ impl Runner {
         if pinned {
             self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));
         } else {
-            self.pins
-                .drain(..)
-                .for_each(|pin| pin.let_go(&mut self.sim));
+            self.pins.drain(..).for_each(|pin| pin.let_go(&mut self.sim));
         }
         self.control(time)?;
         self.apply_push(time);
@@ -242,12 +227,7 @@ impl Runner {
         let sample = self.watch.sample(
             &self.sim,
             &self.grasps[self.watch.grasp],
-            Now {
-                time,
-                step_ns,
-                grasped,
-                slipping: (time >= self.measure_from - half).then_some(self.timestep),
-            },
+            Now { time, step_ns, grasped, slipping: (time >= self.measure_from - half).then_some(self.timestep) },
         );
         self.settle();
         Ok(sample)
@@ -261,9 +241,8 @@ impl Runner {
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
         self.schedule.apply(time, &mut self.ctrl);
         for tracker in &mut self.trackers {
-            let grasp = &self.grasps[tracker.grasp];
-            let weak = grasp.quality() < grasp.latch_quality();
-            tracker.drive(&self.sim, time, self.timestep, weak, &mut self.ctrl)?;
+            let feel = feel(&self.sim, &self.grasps[tracker.grasp], !self.pins.is_empty());
+            tracker.drive(&self.sim, time, self.timestep, feel, &mut self.ctrl)?;
         }
         self.sim.ctrl_mut().copy_from_slice(&self.ctrl);
         Ok(())
@@ -273,8 +252,7 @@ impl Runner {
         let Some(push) = &self.push else { return };
         let half = 0.5 * self.timestep;
         let on = time >= push.start - half && time < push.end - half;
-        let wrench =
-            &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
+        let wrench = &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
         wrench.fill(0.0);
         if on {
             wrench[..3].copy_from_slice(push.force.as_slice());
@@ -296,6 +274,21 @@ impl Runner {
     }
 }
 
+/// What the fingers of a grasp felt of their target in the last step.
+fn feel(sim: &Simulation, grasp: &Grasp, pinned: bool) -> Feel {
+    let model = sim.model();
+    let mut load = Vector3::zeros();
+    if model.has_gravity() {
+        load += model.gravity() * model.body_subtreemass()[grasp.target().index()];
+    }
+    let mut squeeze = 0.0;
+    for contact in grasp.contacts() {
+        load += contact.force;
+        squeeze += contact.normal_force();
+    }
+    Feel { weak: grasp.quality() < grasp.latch_quality(), pinned, load, squeeze }
+}
+
 /// What a sample needs besides the state.
 struct Now {
     time: f64,
@@ -315,19 +308,13 @@ impl Watch {
             }
             body == ancestor
         };
-        let in_target: Vec<bool> = (0..model.nbody())
-            .map(|b| below(target.index(), b))
-            .collect();
+        let in_target: Vec<bool> = (0..model.nbody()).map(|b| below(target.index(), b)).collect();
         let in_hand: Vec<bool> = (0..model.nbody())
             .map(|b| {
                 !in_target[b]
                     && if palm == BodyId::WORLD {
                         // Fingers that stand on the world: the trees that hold the links.
-                        b != 0
-                            && grasp
-                                .links()
-                                .iter()
-                                .any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
+                        b != 0 && grasp.links().iter().any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
                     } else {
                         below(palm.index(), b)
                     }
@@ -338,22 +325,8 @@ impl Watch {
             link_of[link.index()] = Some(i);
         }
         let n = grasp.links().len();
-        let (normal_forces, velocities, slip) = (
-            vec![0.0; n],
-            vec![Vector3::zeros(); n],
-            vec![Vector3::zeros(); n],
-        );
-        Self {
-            grasp: index,
-            palm,
-            target,
-            in_hand,
-            in_target,
-            link_of,
-            normal_forces,
-            velocities,
-            slip,
-        }
+        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
+        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, velocities, slip }
     }
 
     fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
@@ -364,9 +337,7 @@ impl Watch {
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
                 if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
-                    self.velocities[link] = palm
-                        .rotation
-                        .inverse_transform_vector(&contact.slip_velocity);
+                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
                 }
             }
         }
@@ -378,8 +349,7 @@ impl Watch {
         let (mut touching, mut penetration) = (false, 0.0_f64);
         for contact in sim.contacts() {
             let [a, b] = contact.bodies.map(BodyId::index);
-            let ours =
-                (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
+            let ours = (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
             if ours && contact.dist < contact.include_margin {
                 touching = true;
                 penetration = penetration.max(-contact.dist);

@@ -1,9 +1,15 @@
 //! Fingertips to their goals, then harder, until the grasp is good enough.
 //!
-//! From its start the tips move in a straight line from where the actuators' targets put them to the goal sites, all
-//! arriving together. Then the goals move inwards, at [`PRESS_RATE`], for as long as the quality is below the latch
-//! quality, up to [`PRESS_LIMIT`]: the position actuators, which cannot follow, press. Once the grasp latches (in full
-//! mode: would latch) the targets stay what they are, and `[[control]]` goes on from there.
+//! 1. The tips move in a straight line from where the actuators' targets put them to the goal sites, all arriving
+//!    together. The targets also carry the fingers' own weight, so that soft fingers come to the goals and not below.
+//! 2. The goals move inwards, at [`PRESS_RATE`], for as long as the quality is below the latch quality, up to
+//!    [`PRESS_LIMIT`]: the position actuators, which cannot follow, press.
+//! 3. While the target is pinned, all goals together also move against the force that the pin has to bear, until the
+//!    fingers bear it: a soft hand then neither drops nor throws the target when the pin goes.
+//! 4. Once the target is free the goals stay where they are in the palm's frame (and still move inwards): goals that
+//!    followed the target would give way to it.
+//! 5. Once the grasp latches (in full mode: would latch) the targets stay what they are, and `[[control]]` goes on from
+//!    there.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -19,6 +25,24 @@ pub const PRESS_RATE: f64 = 0.010;
 /// Farthest that they move \[m\].
 pub const PRESS_LIMIT: f64 = 0.050;
 
+/// The pin's load at which the goals move against it at the full rate, over the sum of normal forces.
+const LOAD_SHARE: f64 = 0.2;
+/// The same without contact \[N\].
+const LOAD: f64 = 0.05;
+
+/// What the fingers feel of the target.
+#[derive(Clone, Copy, Debug)]
+pub struct Feel {
+    /// The quality is not reached yet.
+    pub weak: bool,
+    /// The target is pinned.
+    pub pinned: bool,
+    /// Sum of contact forces and weight on the target \[N\], world axes: what the pin has to bear.
+    pub load: Vector3<f64>,
+    /// Sum of the normal forces \[N\].
+    pub squeeze: f64,
+}
+
 /// Inverse kinematics of the tips of one grasp.
 #[derive(Clone, Debug)]
 pub struct Tracker {
@@ -29,14 +53,20 @@ pub struct Tracker {
     goals: Vec<SiteId>,
     start: f64,
     ik: InverseKinematics,
-    /// One for each joint of `ik`.
-    actuators: Vec<PositionActuator>,
+    /// One for each joint of `ik`, with its degree of freedom.
+    actuators: Vec<(PositionActuator, usize)>,
+    /// Torque of each of them that carries the fingers' own weight \[N m or N\].
+    weight: Vec<f64>,
     state: State,
     /// In the target's frame: where each tip starts from, and the direction into the target at each goal.
     from: Vec<Vector3<f64>>,
     inward: Vec<Vector3<f64>>,
     farthest: f64,
     pressed: f64,
+    /// Of all goals together, against the pin's load, world axes \[m\].
+    shift: Vector3<f64>,
+    /// Where the target was in the palm's frame when it became free.
+    freed_at: Option<Isometry3<f64>>,
     points: Vec<Vector3<f64>>,
 }
 
@@ -49,10 +79,7 @@ enum State {
 
 /// Pose of a body in the world.
 pub(super) fn pose(sim: &Simulation, body: BodyId) -> Isometry3<f64> {
-    let (p, q) = (
-        &sim.xpos()[3 * body.index()..],
-        &sim.xquat()[4 * body.index()..],
-    );
+    let (p, q) = (&sim.xpos()[3 * body.index()..], &sim.xquat()[4 * body.index()..]);
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
     Isometry3::from_parts(Translation3::new(p[0], p[1], p[2]), rotation)
 }
@@ -78,16 +105,16 @@ impl Tracker {
             return Ok(None);
         }
         let model = sim.model();
-        let driven: Vec<_> = model
-            .joints()
-            .filter(|&j| PositionActuator::of(model, j).is_some())
-            .collect();
+        let driven: Vec<_> = model.joints().filter(|&j| PositionActuator::of(model, j).is_some()).collect();
         let tips: Vec<SiteId> = own.iter().map(|g| g.tip).collect();
         let ik = InverseKinematics::new(sim, palm, &tips, &driven)?;
-        let actuators = ik
+        let actuators: Vec<(PositionActuator, usize)> = ik
             .joints()
             .iter()
-            .filter_map(|&j| PositionActuator::of(model, j))
+            .filter_map(|&j| {
+                let dof = model.jnt_dofadr()[j.index()] as usize;
+                PositionActuator::of(model, j).map(|a| (a, dof))
+            })
             .collect();
         let n = own.len();
         Ok(Some(Self {
@@ -97,18 +124,21 @@ impl Tracker {
             goals: own.iter().map(|g| g.goal).collect(),
             start: own.iter().map(|g| g.start).fold(f64::INFINITY, f64::min),
             ik,
+            weight: vec![0.0; actuators.len()],
             actuators,
             state: State::Waiting,
             from: vec![Vector3::zeros(); n],
             inward: vec![Vector3::zeros(); n],
             farthest: 0.0,
             pressed: 0.0,
+            shift: Vector3::zeros(),
+            freed_at: None,
             points: vec![Vector3::zeros(); n],
         }))
     }
 
-    /// Writes the targets for a step of length `step` at `time` \[s\]. `ctrl` comes with the schedule's targets;
-    /// `weak`: the quality is not reached yet. Uses the poses of the last step.
+    /// Writes the targets for a step of length `step` at `time` \[s\]. `ctrl` comes with the schedule's targets. Uses the
+    /// poses and forces of the last step.
     ///
     /// # Errors
     /// None that a constructed tracker can meet.
@@ -117,35 +147,36 @@ impl Tracker {
         sim: &Simulation,
         time: f64,
         step: f64,
-        weak: bool,
+        feel: Feel,
         ctrl: &mut [f64],
     ) -> Result<(), crate::mujoco::Error> {
         // Half a step of tolerance: k * h is not a round number in binary.
         if self.state == State::Done || time < self.start - 0.5 * step {
             return Ok(());
         }
+        for (weight, (_, dof)) in self.weight.iter_mut().zip(&self.actuators) {
+            *weight = sim.qfrc_bias()[*dof];
+        }
         if self.state == State::Waiting {
             self.begin(sim, ctrl);
             self.state = State::Tracking;
         }
         let gone = APPROACH_SPEED * (time - self.start).max(0.0);
-        let share = if gone < self.farthest {
-            gone / self.farthest
-        } else {
-            1.0
-        };
-        if share == 1.0 && weak {
-            self.pressed = (self.pressed + PRESS_RATE * step).min(PRESS_LIMIT);
+        let share = if gone < self.farthest { gone / self.farthest } else { 1.0 };
+        let (palm, mut target) = (pose(sim, self.palm), pose(sim, self.target));
+        if share == 1.0 {
+            self.press(step, feel);
+            if !feel.pinned {
+                target = palm * *self.freed_at.get_or_insert(palm.inv_mul(&target));
+            }
         }
-        let target = pose(sim, self.target);
+        let now = pose(sim, self.target);
         for (i, point) in self.points.iter_mut().enumerate() {
-            let goal = target
-                .inverse_transform_point(&site(sim, self.goals[i]).into())
-                .coords;
+            let goal = now.inverse_transform_point(&site(sim, self.goals[i]).into()).coords;
             let local = self.from[i].lerp(&goal, share) + self.inward[i] * self.pressed;
-            *point = target.transform_point(&local.into()).coords;
+            *point = target.transform_point(&local.into()).coords + self.shift;
         }
-        self.ik.solve(&pose(sim, self.palm), &self.points)?;
+        self.ik.solve(&palm, &self.points)?;
         self.write(ctrl);
         Ok(())
     }
@@ -161,7 +192,8 @@ impl Tracker {
         self.actuators
             .iter()
             .zip(self.ik.values())
-            .map(|(a, q)| (a.index, a.scale * q + a.offset))
+            .zip(&self.weight)
+            .map(|(((a, _), q), weight)| (a.index, a.scale * q + a.offset + a.compliance * weight))
     }
 
     /// The solver, for timing it.
@@ -174,17 +206,27 @@ impl Tracker {
         (pose(sim, self.palm), self.points.clone())
     }
 
+    fn press(&mut self, step: f64, feel: Feel) {
+        let reach = PRESS_RATE * step;
+        if feel.weak {
+            self.pressed = (self.pressed + reach).min(PRESS_LIMIT);
+        }
+        if feel.pinned {
+            let load = feel.load / (LOAD + LOAD_SHARE * feel.squeeze);
+            self.shift = (self.shift - load.cap_magnitude(1.0) * reach).cap_magnitude(PRESS_LIMIT);
+        }
+    }
+
     /// The tips start where the actuators' present targets put them, so that nothing jumps.
     fn begin(&mut self, sim: &Simulation, ctrl: &[f64]) {
         self.ik.start_from(sim);
-        let (joints, actuators) = (self.ik.joints().to_vec(), &self.actuators);
+        let joints = self.ik.joints().to_vec();
         self.ik.start_at(|joint| {
-            let a = joints
-                .iter()
-                .position(|&j| j == joint)
-                .map(|i| actuators[i]);
-            a.map_or(0.0, |a| {
-                (ctrl.get(a.index).copied().unwrap_or(0.0) - a.offset) / a.scale
+            let i = joints.iter().position(|&j| j == joint);
+            i.map_or(0.0, |i| {
+                let (a, weight) = (self.actuators[i].0, self.weight[i]);
+                let ctrl = ctrl.get(a.index).copied().unwrap_or(0.0);
+                (ctrl - a.offset - a.compliance * weight) / a.scale
             })
         });
         self.ik.tips(&mut self.from);
@@ -192,25 +234,16 @@ impl Tracker {
         let body = self.target.index();
         let ipos = &sim.model().body_ipos()[3 * body..3 * body + 3];
         let centre = Vector3::from_column_slice(ipos);
-        let goals: Vec<Vector3<f64>> = self
-            .goals
-            .iter()
-            .map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords)
-            .collect();
+        let goals: Vec<Vector3<f64>> =
+            self.goals.iter().map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords).collect();
         self.farthest = 0.0;
         for (i, goal) in goals.iter().enumerate() {
             let tip = palm.transform_point(&self.from[i].into());
             self.from[i] = target.inverse_transform_point(&tip).coords;
             self.farthest = self.farthest.max((goal - self.from[i]).norm());
             // Two tips can only squeeze along the line that joins them; more squeeze towards the centre of mass.
-            let towards = if let [a, b] = goals.as_slice() {
-                0.5 * (a + b)
-            } else {
-                centre
-            };
-            self.inward[i] = (towards - goal)
-                .try_normalize(1e-9)
-                .unwrap_or_else(Vector3::zeros);
+            let towards = if let [a, b] = goals.as_slice() { 0.5 * (a + b) } else { centre };
+            self.inward[i] = (towards - goal).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
         }
     }
 
