@@ -114,8 +114,9 @@ impl Merged {
             self.maps.iter().zip(&self.shares).map(|(g, kg)| g * kg.transpose()).sum();
         self.impedance = (impedance + impedance.transpose()) * 0.5;
         let Some(factor) = self.impedance.cholesky() else { return false };
+        let compliance = factor.inverse();
         for share in &mut self.shares {
-            factor.solve_mut(share);
+            *share = compliance * *share;
         }
         true
     }
