@@ -45,7 +45,7 @@ pub enum Error {
     Threshold {
         /// Which threshold.
         name: &'static str,
-        /// Its value [N].
+        /// Its value \[N\].
         value: f64,
         /// What would be right.
         expected: &'static str,
@@ -60,7 +60,7 @@ pub enum Error {
         "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"
     )]
     Diverged {
-        /// Simulated time [s].
+        /// Simulated time \[s\].
         time: f64,
         /// Which quantity.
         what: &'static str,
