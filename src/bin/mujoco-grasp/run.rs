@@ -45,6 +45,9 @@ pub struct Args {
     /// Scales each push to this share of the smallest that full mode does not hold (found by bisection).
     #[arg(long, value_name = "X", conflicts_with = "scale_push")]
     at_onset: Option<f64>,
+    /// Writes no plots and renders no frames.
+    #[arg(long)]
+    no_pictures: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -137,6 +140,9 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         error,
     };
     output.write(&report, || text(&report, &out))?;
+    if !args.no_pictures {
+        crate::pictures::save_all(&plan, &pairs, &out);
+    }
     Ok(if failed { ExitCode::from(FAILURE) } else { ExitCode::SUCCESS })
 }
 
