@@ -166,7 +166,7 @@ fn position_actuators_are_found_with_their_gain_gear_and_bias() {
     assert!((a.scale - 10.0 / 3.0).abs() < 1e-12 && (a.offset + 0.2).abs() < 1e-12);
     // The joint feels 2 (3 ctrl + ...).
     assert!((a.compliance - 1.0 / 6.0).abs() < 1e-12);
-    assert_eq!(of("b"), Some(PositionActuator { index: 2, scale: 1.0, offset: 0.0 }));
+    assert_eq!(of("b"), Some(PositionActuator { index: 2, scale: 1.0, offset: 0.0, compliance: 1.0 / 7.0 }));
     assert_eq!(of("c"), None);
 }
 

@@ -55,6 +55,31 @@ pub enum Error {
         "a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step"
     )]
     Integrator,
+    /// A form of the constraint that needs a weld, without one.
+    #[error(
+        "limits \"{limits}\" needs a weld between the hand and the target {target}, and the model has none; load it with Model::from_xml_file_with(path, &grasp::weld_xml(target, None)), or append that element to the model's text after all other equality constraints"
+    )]
+    NoWeld {
+        /// Which limits were asked for.
+        limits: &'static str,
+        /// Label of the target.
+        target: String,
+    },
+    /// The weld already holds the target.
+    #[error(
+        "the weld of the target {0} is switched on in the model: it must have active=\"false\", the grasp switches it on when it latches (see grasp::weld_xml)"
+    )]
+    WeldActive(String),
+    /// The weld's rows are not as they must be.
+    #[error(
+        "the engine did not make six constraint rows, after those of all other equality constraints, for each weld of the {welds} latched grasps at t = {time:.4} s; each grasp with limits \"box\" or \"rigid\" needs a weld of its own, the last equality constraints of the model, and the flag \"equality\" enabled"
+    )]
+    WeldRows {
+        /// Simulated time [s].
+        time: f64,
+        /// Welds switched on.
+        welds: usize,
+    },
     /// The grasp solve met numbers that are not finite.
     #[error(
         "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"

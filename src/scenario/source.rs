@@ -63,11 +63,12 @@ impl Source {
         }
     }
 
-    /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory.
+    /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory. `extra` are elements to add to
+    /// it, "" for none.
     ///
     /// # Errors
     /// [`Error::Model`] with MuJoCo's own message.
-    pub fn load_model(&self, model: &Path) -> Result<Model, Error> {
+    pub fn load_model(&self, model: &Path, extra: &str) -> Result<Model, Error> {
         let failed = |model: PathBuf| {
             let file = self.path.clone();
             move |source| Error::Model { file, model, source }
@@ -82,11 +83,16 @@ impl Source {
                     .filter(|(name, _)| *name != bare)
                     .map(|(n, text)| (*n, text.as_bytes()))
                     .collect();
-                Model::from_xml_with_assets(xml, &assets).map_err(failed(model.to_path_buf()))
+                let xml = xml.replace("</mujoco>", &format!("{extra}</mujoco>"));
+                Model::from_xml_with_assets(&xml, &assets).map_err(failed(model.to_path_buf()))
             }
             None => {
                 let path = self.path.parent().unwrap_or(Path::new("")).join(model);
-                Model::from_xml_file(&path).map_err(failed(path))
+                if extra.is_empty() {
+                    Model::from_xml_file(&path).map_err(failed(path))
+                } else {
+                    Model::from_xml_file_with(&path, extra).map_err(failed(path))
+                }
             }
         }
     }
