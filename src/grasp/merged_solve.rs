@@ -374,9 +374,9 @@ impl Law {
             memory.iter().filter(|m| m.geoms == contact.geoms).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let mut friction = [0.0; ROWS];
         if let Some(before) = before {
-            for row in 1..contact.parameters.condim {
+            for (row, friction) in friction.iter_mut().enumerate().take(contact.parameters.condim).skip(1) {
                 let of = if row < 3 { &before.friction } else { &before.torque };
-                friction[row] = contact.axes[row % 3].dot(of);
+                *friction = contact.axes[row % 3].dot(of);
             }
         }
         Law {

@@ -1,5 +1,8 @@
 //! Steps in which collision detection would find nothing, known from how little has moved since distances were measured.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::collider::PairCollider;
 use super::error::{Error, check_length};
 use super::ledger::{Ledger, NotANumber};
@@ -38,22 +41,11 @@ impl Clearance {
         let proximity = Proximity::new(sim, &collider.pairs);
         let hand = hand(sim, &collider.pairs).filter(|&hand| !is_fixed(sim, hand));
         let held = |body: usize| {
-            let known = || {
-                collider
-                    .pairs
-                    .iter()
-                    .any(|pair| pair.bodies.contains(&body))
-            };
+            let known = || collider.pairs.iter().any(|pair| pair.bodies.contains(&body));
             hand.is_some_and(|hand| is_below(sim, body, hand)) || known()
         };
         let hand = hand.map(|hand| (hand, (0..sim.model().nbody()).map(held).collect()));
-        Self {
-            ledger: Ledger::new(&proximity, hand),
-            proximity,
-            blocked: None,
-            rest: 0,
-            ngeom: sim.model().ngeom(),
-        }
+        Self { ledger: Ledger::new(&proximity, hand), proximity, blocked: None, rest: 0, ngeom: sim.model().ngeom() }
     }
 
     /// Whether [`Simulation::collision`] would find no contact but the collider's, at the present poses (see
@@ -95,10 +87,7 @@ fn hand(sim: &Simulation, pairs: &[TestedPair]) -> Option<usize> {
     bodies.dedup();
     let root = |body: usize| model.body_rootid()[body];
     let count = |of: i32| bodies.iter().filter(|&&body| root(body) == of).count();
-    let largest = bodies
-        .iter()
-        .map(|&body| root(body))
-        .max_by_key(|&of| count(of))?;
+    let largest = bodies.iter().map(|&body| root(body)).max_by_key(|&of| count(of))?;
     let members = bodies.iter().copied().filter(|&body| root(body) == largest);
     members.reduce(|mut a, mut b| {
         // Parents come before their children.

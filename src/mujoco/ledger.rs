@@ -1,5 +1,8 @@
 //! Accounts of how far bodies have moved, against the clearances between them.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::placement::Placement;
 use super::proximity::{Proximity, WORLD};
 use super::simulation::Simulation;
@@ -92,18 +95,14 @@ impl Ledger {
             (WORLD + 1..proximity.parts.len()).partition(|&part| held(part));
         let accounts = |parts_held: usize| {
             let groups = proximity.groups.iter().enumerate();
-            let counted = groups.filter(|(_, group)| {
-                group.parts.iter().filter(|&&part| held(part)).count() == parts_held
-            });
+            let counted =
+                groups.filter(|(_, group)| group.parts.iter().filter(|&&part| held(part)).count() == parts_held);
             let account = |(group, of): (usize, &super::proximity::Group)| Account {
                 parts: of.parts.map(|part| part as u32),
                 group: group as u32,
                 until: f64::NEG_INFINITY,
             };
-            Accounts {
-                all: counted.map(account).collect(),
-                ..Accounts::default()
-            }
+            Accounts { all: counted.map(account).collect(), ..Accounts::default() }
         };
         Self {
             accounts_outside: accounts(0),
@@ -128,11 +127,7 @@ impl Ledger {
 
     /// Adds what has moved since the last call. The first group that may have a contact now; an error if a pose is not
     /// a number.
-    pub fn first_blocked(
-        &mut self,
-        sim: &Simulation,
-        proximity: &mut Proximity,
-    ) -> Result<Option<usize>, NotANumber> {
+    pub fn first_blocked(&mut self, sim: &Simulation, proximity: &mut Proximity) -> Result<Option<usize>, NotANumber> {
         if !self.advance(sim) {
             self.forget();
             return Err(NotANumber);
@@ -158,17 +153,9 @@ impl Ledger {
         if let (true, Some(hand)) = (counted, &mut self.hand) {
             hand.measure(sim);
         }
-        let blocked = self
-            .accounts_outside
-            .first_blocked(sim, proximity, &self.ways, 0.0);
-        let blocked = blocked.or_else(|| {
-            self.accounts_across
-                .first_blocked(sim, proximity, &self.ways, carried)
-        });
-        Ok(blocked.or_else(|| {
-            self.accounts_inside
-                .first_blocked(sim, proximity, &self.ways, 0.0)
-        }))
+        let blocked = self.accounts_outside.first_blocked(sim, proximity, &self.ways, 0.0);
+        let blocked = blocked.or_else(|| self.accounts_across.first_blocked(sim, proximity, &self.ways, carried));
+        Ok(blocked.or_else(|| self.accounts_inside.first_blocked(sim, proximity, &self.ways, 0.0)))
     }
 
     /// Adds to all ways and travels; false if one is not a number.
@@ -184,9 +171,7 @@ impl Ledger {
             let radius = hand.radius + (hand.travel - hand.radius_at);
             hand.way += now.moved(&hand.was, radius);
             hand.was = now;
-            let inside = advance(sim, &mut hand.members, &mut self.ways, |was| {
-                motion.carry(was)
-            });
+            let inside = advance(sim, &mut hand.members, &mut self.ways, |was| motion.carry(was));
             hand.travel += inside.sum();
             self.travel_across += inside.0;
             carried = hand.way;
@@ -244,8 +229,7 @@ impl Longest {
 impl Hand {
     /// Draws the sphere anew.
     fn measure(&mut self, sim: &Simulation) {
-        let reach =
-            |member: &Member| Placement::of(sim, member.body).distance(&self.was) + member.radius;
+        let reach = |member: &Member| Placement::of(sim, member.body).distance(&self.was) + member.radius;
         self.radius = self.members.iter().map(reach).fold(0.0, f64::max);
         self.radius_at = self.travel;
     }

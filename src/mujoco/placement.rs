@@ -12,10 +12,7 @@ pub(super) struct Placement {
 
 impl Default for Placement {
     fn default() -> Self {
-        Self {
-            position: Vector3::zeros(),
-            quaternion: [1.0, 0.0, 0.0, 0.0],
-        }
+        Self { position: Vector3::zeros(), quaternion: [1.0, 0.0, 0.0, 0.0] }
     }
 }
 
@@ -43,9 +40,7 @@ impl Placement {
     /// `a` moves it by `2 sin(a/2) radius`, and the quaternions differ by `2 sin(a/4)`.
     #[inline]
     pub fn moved(&self, before: &Self, radius: f64) -> f64 {
-        let turned: f64 = (0..4)
-            .map(|i| (self.quaternion[i] - before.quaternion[i]).powi(2))
-            .sum();
+        let turned: f64 = (0..4).map(|i| (self.quaternion[i] - before.quaternion[i]).powi(2)).sum();
         let squares = [(self.position - before.position).norm_squared(), turned];
         // Both roots at once.
         let [shifted, turned] = squares.map(f64::sqrt);
@@ -60,12 +55,7 @@ impl Placement {
     /// The rigid motion that brought a body here from `before`.
     pub fn since(&self, before: &Self) -> Motion {
         let quaternion = product(&self.quaternion, &conjugate(&before.quaternion));
-        Motion {
-            from: before.position,
-            to: self.position,
-            rotation: rotation(&quaternion),
-            quaternion,
-        }
+        Motion { from: before.position, to: self.position, rotation: rotation(&quaternion), quaternion }
     }
 }
 

@@ -1,5 +1,8 @@
 //! Lower bounds of the distances between bodies that may collide.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::ffi;
 use super::mixing::ContactParameters;
 use super::pairs::{TestedPair, tested_pairs};
@@ -82,10 +85,7 @@ impl Proximity {
         for pair in &others {
             let mut between = pair.bodies.map(|body| part_of[body]);
             between.sort_by(|a, b| parts[*b].radius.total_cmp(&parts[*a].radius));
-            by_parts
-                .entry(between)
-                .or_default()
-                .push(Pair::new(sim, pair, &shapes));
+            by_parts.entry(between).or_default().push(Pair::new(sim, pair, &shapes));
         }
         let mut radii: Vec<f64> = parts.iter().map(|part| part.radius).collect();
         radii.sort_by(f64::total_cmp);
@@ -101,15 +101,8 @@ impl Proximity {
             let first = proximity.pairs.len();
             let margin = pairs.iter().map(|pair| pair.margin).fold(0.0, f64::max);
             proximity.pairs.extend(pairs);
-            proximity.groups.push(Group {
-                parts,
-                pairs: first..proximity.pairs.len(),
-                margin,
-            });
-            proximity.measured.push(Measured {
-                clearance: f64::NEG_INFINITY,
-                relative: Placement::default(),
-            });
+            proximity.groups.push(Group { parts, pairs: first..proximity.pairs.len(), margin });
+            proximity.measured.push(Measured { clearance: f64::NEG_INFINITY, relative: Placement::default() });
         }
         proximity
     }
@@ -131,10 +124,7 @@ impl Proximity {
             return left;
         }
         let clearance = self.clearance(sim, group);
-        self.measured[group] = Measured {
-            clearance,
-            relative,
-        };
+        self.measured[group] = Measured { clearance, relative };
         clearance
     }
 
@@ -182,24 +172,15 @@ impl Pair {
         };
         let margin = ContactParameters::new(sim.model(), pair).margin.max(0.0);
         let extents = pair.geoms.iter().flat_map(|&geom| &shapes[geom]);
-        let size: f64 = extents
-            .map(|shape| shape.extent)
-            .filter(|extent| extent.is_finite())
-            .sum();
-        Self {
-            geoms: pair.geoms,
-            margin: factor * margin + TOLERANCE * size,
-        }
+        let size: f64 = extents.map(|shape| shape.extent).filter(|extent| extent.is_finite()).sum();
+        Self { geoms: pair.geoms, margin: factor * margin + TOLERANCE * size }
     }
 }
 
 /// The parts, and the part of each body. The first part is the world, with everything that cannot move.
 fn parts(sim: &Simulation, shapes: &[Option<Shape>]) -> (Vec<Part>, Vec<usize>) {
     let model = sim.model();
-    let mut parts = vec![Part {
-        body: 0,
-        radius: f64::INFINITY,
-    }];
+    let mut parts = vec![Part { body: 0, radius: f64::INFINITY }];
     let mut part_of = vec![WORLD; model.nbody()];
     for (geom, shape) in shapes.iter().enumerate() {
         let (Some(shape), body) = (shape, model.geom_bodyid()[geom] as usize) else {
