@@ -99,7 +99,8 @@ mod tests {
     #[test]
     fn solves_what_was_multiplied() {
         let n = 5;
-        let a: Vec<f64> = (0..n * n).map(|i| (i as f64 * 1.7).sin()).collect();
+        let a: Vec<f64> =
+            (0..n * n).map(|i| (i as f64 * 1.7).sin() + if i % (n + 1) == 0 { 2.0 } else { 0.0 }).collect();
         let x: Vec<f64> = (0..n).map(|i| i as f64 - 1.5).collect();
         let mut b: Vec<f64> = (0..n).map(|i| dot(&a[i * n..(i + 1) * n], &x)).collect();
         let mut many = a.clone();
