@@ -13,5 +13,18 @@ pub struct Builtin {
     pub models: &'static [(&'static str, &'static str)],
 }
 
+/// The humanoid and what surrounds it, which every built-in model includes.
+const HUMANOID: (&str, &str) = ("humanoid.xml", include_str!("../../models/humanoid.xml"));
+const STUDIO: (&str, &str) = ("studio.xml", include_str!("../../models/studio.xml"));
+
 /// All built-in scenarios, in the order of `mujoco-grasp list`.
-pub const ALL: &[Builtin] = &[];
+pub const ALL: &[Builtin] = &[Builtin {
+    name: "clutch",
+    path: "scenarios/clutch.toml",
+    toml: include_str!("../../scenarios/clutch.toml"),
+    models: &[
+        ("clutch.xml", include_str!("../../models/clutch.xml")),
+        HUMANOID,
+        STUDIO,
+    ],
+}];

@@ -264,7 +264,11 @@ impl Runner {
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
         self.schedule.apply(time, &mut self.ctrl);
         for tracker in &mut self.trackers {
-            let feel = feel(&self.sim, &self.grasps[tracker.grasp], !self.pins.is_empty());
+            let feel = feel(
+                &self.sim,
+                &self.grasps[tracker.grasp],
+                !self.pins.is_empty(),
+            );
             tracker.drive(&self.sim, time, self.timestep, feel, &mut self.ctrl)?;
         }
         self.sim.ctrl_mut().copy_from_slice(&self.ctrl);
@@ -397,14 +401,22 @@ impl Watch {
                 *slip += velocity * step;
             }
         }
-        let (mut touching, mut penetration) = (false, 0.0_f64);
-        for contact in sim.contacts() {
-            let [a, b] = contact.bodies.map(BodyId::index);
+        // A latched grasp finds its contacts itself; any others of hand and target are the engine's.
+        let own = grasp
+            .contacts()
+            .iter()
+            .map(|c| (c.parameters.dist, c.parameters.margin));
+        let engine = sim.contacts().filter_map(|c| {
+            let [a, b] = c.bodies.map(BodyId::index);
             let ours =
                 (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
-            if ours && contact.dist < contact.include_margin {
+            ours.then_some((c.dist, c.include_margin))
+        });
+        let (mut touching, mut penetration) = (false, 0.0_f64);
+        for (dist, margin) in own.chain(engine) {
+            if dist < margin {
                 touching = true;
-                penetration = penetration.max(-contact.dist);
+                penetration = penetration.max(-dist);
             }
         }
         let target = palm.inv_mul(&pose(sim, self.target));
