@@ -48,17 +48,11 @@ fn find() -> Result<Installation, String> {
     }
     let include = PathBuf::from("/usr/include");
     if !include.join("mujoco/mujoco.h").is_file() {
-        return Err(
-            "MuJoCo's headers were not found in /usr/include/mujoco: install Debian's package libmujoco-dev \
+        return Err("MuJoCo's headers were not found in /usr/include/mujoco: install Debian's package libmujoco-dev \
              (apt install libmujoco-dev), or set MUJOCO_DIR to an unpacked MuJoCo release"
-                .into(),
-        );
+            .into());
     }
-    let folders = [
-        format!("/usr/lib/{}", multiarch()),
-        "/usr/lib64".into(),
-        "/usr/lib".into(),
-    ];
+    let folders = [format!("/usr/lib/{}", multiarch()), "/usr/lib64".into(), "/usr/lib".into()];
     let library = folders.iter().find_map(|dir| library_in(Path::new(dir))).ok_or_else(|| {
         format!(
             "libmujoco.so was not found in {}: install Debian's package libmujoco-dev (apt install libmujoco-dev), \
@@ -66,18 +60,12 @@ fn find() -> Result<Installation, String> {
             folders.join(", ")
         )
     })?;
-    Ok(Installation {
-        include,
-        library,
-        in_system_path: true,
-    })
+    Ok(Installation { include, library, in_system_path: true })
 }
 
 /// An upstream release has `include/` and `lib/`; an unpacked wheel has `include/` and the library beside it.
 fn find_in(dir: &Path) -> Result<Installation, String> {
-    let dir = dir
-        .canonicalize()
-        .map_err(|e| format!("MUJOCO_DIR={}: {e}", dir.display()))?;
+    let dir = dir.canonicalize().map_err(|e| format!("MUJOCO_DIR={}: {e}", dir.display()))?;
     let include = [dir.join("include"), dir.join("mujoco/include")]
         .into_iter()
         .find(|include| include.join("mujoco/mujoco.h").is_file())
@@ -90,21 +78,11 @@ fn find_in(dir: &Path) -> Result<Installation, String> {
         })?;
     let folders = ["lib", "lib64", ".", "mujoco"].map(|sub| dir.join(sub));
     let multiarch = dir.join("lib").join(multiarch());
-    let library = folders
-        .iter()
-        .chain([&multiarch])
-        .find_map(|folder| library_in(folder))
-        .ok_or_else(|| {
-            format!(
-                "MUJOCO_DIR={}: there is no libmujoco.so in it or in its lib folder",
-                dir.display()
-            )
+    let library =
+        folders.iter().chain([&multiarch]).find_map(|folder| library_in(folder)).ok_or_else(|| {
+            format!("MUJOCO_DIR={}: there is no libmujoco.so in it or in its lib folder", dir.display())
         })?;
-    Ok(Installation {
-        include,
-        library,
-        in_system_path: false,
-    })
+    Ok(Installation { include, library, in_system_path: false })
 }
 
 /// `libmujoco.so` if there is one, else the versioned file of a wheel (`libmujoco.so.2.2.2`).
@@ -116,11 +94,7 @@ fn library_in(dir: &Path) -> Option<PathBuf> {
     let mut versioned: Vec<PathBuf> = fs::read_dir(dir)
         .ok()?
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| {
-            path.file_name()
-                .and_then(|name| name.to_str())
-                .is_some_and(|n| n.starts_with("libmujoco.so."))
-        })
+        .filter(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(|n| n.starts_with("libmujoco.so.")))
         .collect();
     versioned.sort();
     versioned.pop()
@@ -132,16 +106,9 @@ fn multiarch() -> String {
 }
 
 fn header_version(header: &Path) -> Result<u32, String> {
-    let text =
-        fs::read_to_string(header).map_err(|e| format!("cannot read {}: {e}", header.display()))?;
+    let text = fs::read_to_string(header).map_err(|e| format!("cannot read {}: {e}", header.display()))?;
     text.lines()
-        .find_map(|line| {
-            line.strip_prefix("#define mjVERSION_HEADER")?
-                .split_whitespace()
-                .next()?
-                .parse()
-                .ok()
-        })
+        .find_map(|line| line.strip_prefix("#define mjVERSION_HEADER")?.split_whitespace().next()?.parse().ok())
         .ok_or_else(|| format!("{} does not define mjVERSION_HEADER", header.display()))
 }
 
@@ -149,12 +116,7 @@ fn header_version(header: &Path) -> Result<u32, String> {
 fn readable(version: u32) -> String {
     match version {
         0..1000 => format!("{}.{}.{}", version / 100, version / 10 % 10, version % 10),
-        _ => format!(
-            "{}.{}.{}",
-            version / 1_000_000,
-            version / 1000 % 1000,
-            version % 1000
-        ),
+        _ => format!("{}.{}.{}", version / 1_000_000, version / 1000 % 1000, version % 1000),
     }
 }
 
@@ -193,18 +155,12 @@ fn generate(include: &Path) {
         ),
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("bindings.rs");
-    bindings
-        .write_to_file(&out)
-        .unwrap_or_else(|e| fail(&format!("cannot write {}: {e}", out.display())));
+    bindings.write_to_file(&out).unwrap_or_else(|e| fail(&format!("cannot write {}: {e}", out.display())));
 }
 
 fn link(found: &Installation) {
     let folder = found.library.parent().unwrap_or(Path::new("/usr/lib"));
-    let name = found
-        .library
-        .file_name()
-        .and_then(|name| name.to_str())
-        .unwrap_or("libmujoco.so");
+    let name = found.library.file_name().and_then(|name| name.to_str()).unwrap_or("libmujoco.so");
     println!("cargo::rustc-link-search=native={}", folder.display());
     if name == "libmujoco.so" {
         println!("cargo::rustc-link-lib=dylib=mujoco");

@@ -35,9 +35,7 @@ const DAMPING_RANGE: (f64, f64) = (1e-9, 1e6);
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A site does not hang on the hand.
-    #[error(
-        "the site \"{site}\" is not on a body below the palm \"{palm}\"; give a site on a link of the hand"
-    )]
+    #[error("the site \"{site}\" is not on a body below the palm \"{palm}\"; give a site on a link of the hand")]
     NotBelow {
         /// The site.
         site: String,
@@ -105,27 +103,17 @@ impl InverseKinematics {
     ///
     /// # Errors
     /// [`Error`]: a site that is not below the palm, a tip that nothing moves, a ball joint on the way.
-    pub fn new(
-        sim: &Simulation,
-        palm: BodyId,
-        sites: &[SiteId],
-        joints: &[JointId],
-    ) -> Result<Self, Error> {
+    pub fn new(sim: &Simulation, palm: BodyId, sites: &[SiteId], joints: &[JointId]) -> Result<Self, Error> {
         let mut groups: Vec<(Vec<usize>, Vec<JointId>)> = Vec::new();
         for (tip, &site) in sites.iter().enumerate() {
             let mut tips = vec![tip];
             let mut moved = chain::joints_between(sim, palm, site)?;
             moved.retain(|joint| joints.contains(joint));
             if moved.is_empty() {
-                return Err(Error::NoJoint {
-                    site: chain::site_name(sim, site),
-                    palm: chain::body_name(sim, palm),
-                });
+                return Err(Error::NoJoint { site: chain::site_name(sim, site), palm: chain::body_name(sim, palm) });
             }
             // Groups that share a joint with this tip become one with it.
-            let joined: Vec<_> = groups
-                .extract_if(.., |(_, other)| other.iter().any(|j| moved.contains(j)))
-                .collect();
+            let joined: Vec<_> = groups.extract_if(.., |(_, other)| other.iter().any(|j| moved.contains(j))).collect();
             for (other_tips, other_joints) in joined {
                 tips.extend(other_tips);
                 moved.extend(other_joints);
@@ -143,11 +131,7 @@ impl InverseKinematics {
             })
             .collect::<Result<_, Error>>()?;
         let joints = groups.iter().flat_map(|g| g.chain.free_joints()).collect();
-        let mut ik = Self {
-            groups,
-            joints,
-            tips: sites.len(),
-        };
+        let mut ik = Self { groups, joints, tips: sites.len() };
         ik.start_from(sim);
         Ok(ik)
     }
@@ -159,9 +143,7 @@ impl InverseKinematics {
 
     /// Values of [`Self::joints`] in the last solution \[rad or m\].
     pub fn values(&self) -> impl Iterator<Item = f64> + '_ {
-        self.groups
-            .iter()
-            .flat_map(|g| g.chain.free().map(|j| g.q[j]))
+        self.groups.iter().flat_map(|g| g.chain.free().map(|j| g.q[j]))
     }
 
     /// Starts from the joints of `sim`; also takes over the joints that a solve does not move.
@@ -198,23 +180,12 @@ impl InverseKinematics {
     ///
     /// # Errors
     /// A number of goals that is not that of the sites.
-    pub fn solve(
-        &mut self,
-        palm: &Isometry3<f64>,
-        goals: &[Vector3<f64>],
-    ) -> Result<Solution, mujoco::Error> {
+    pub fn solve(&mut self, palm: &Isometry3<f64>, goals: &[Vector3<f64>]) -> Result<Solution, mujoco::Error> {
         if goals.len() != self.tips {
             let what = "the list of goals for inverse kinematics";
-            return Err(mujoco::Error::Length {
-                what,
-                expected: self.tips,
-                got: goals.len(),
-            });
+            return Err(mujoco::Error::Length { what, expected: self.tips, got: goals.len() });
         }
-        let mut solution = Solution {
-            residual: 0.0,
-            iterations: 0,
-        };
+        let mut solution = Solution { residual: 0.0, iterations: 0 };
         for group in &mut self.groups {
             let (residual, iterations) = group.solve(palm, goals);
             solution.residual = solution.residual.max(residual);
@@ -321,8 +292,7 @@ impl Group {
         for (j, joint) in self.chain.joints.iter().enumerate() {
             let (q, g) = (self.q[j], self.gradient[j]);
             // On a limit and pushed against it: held there.
-            self.fixed[j] =
-                !joint.free || (q <= joint.lower && g < 0.0) || (q >= joint.upper && g > 0.0);
+            self.fixed[j] = !joint.free || (q <= joint.lower && g < 0.0) || (q >= joint.upper && g > 0.0);
             self.step[j] = 0.0;
         }
         // Every pass but the last puts at least one more joint on its limit.
@@ -331,8 +301,7 @@ impl Group {
             let mut passed = false;
             for (j, joint) in self.chain.joints.iter().enumerate() {
                 if !self.fixed[j] {
-                    let bounded =
-                        (self.q[j] + self.step[j]).clamp(joint.lower, joint.upper) - self.q[j];
+                    let bounded = (self.q[j] + self.step[j]).clamp(joint.lower, joint.upper) - self.q[j];
                     if bounded != self.step[j] && (bounded - self.step[j]).abs() > 1e-14 {
                         self.step[j] = bounded;
                         self.fixed[j] = true;
@@ -369,11 +338,7 @@ impl Group {
         for a in 0..n {
             for b in 0..=a {
                 let coupled = !self.fixed[a] && !self.fixed[b];
-                let h = if coupled {
-                    self.hessian[a * n + b]
-                } else {
-                    0.0
-                };
+                let h = if coupled { self.hessian[a * n + b] } else { 0.0 };
                 let mut sum = h + if a != b {
                     0.0
                 } else if self.fixed[a] {
@@ -384,11 +349,8 @@ impl Group {
                 for k in 0..b {
                     sum -= self.work[a * n + k] * self.work[b * n + k];
                 }
-                self.work[a * n + b] = if a == b {
-                    sum.max(f64::MIN_POSITIVE).sqrt()
-                } else {
-                    sum / self.work[b * n + b]
-                };
+                self.work[a * n + b] =
+                    if a == b { sum.max(f64::MIN_POSITIVE).sqrt() } else { sum / self.work[b * n + b] };
             }
         }
         for a in 0..n {

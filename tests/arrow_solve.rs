@@ -4,8 +4,8 @@
 mod oracle;
 
 use clarabel::solver::SupportedConeT;
-use mujoco_grasp::grasp::arrow::Arrow;
-use mujoco_grasp::grasp::cone::{Bound, Law};
+use mujoco_grasp::grasp::arrow::{Arrow, ROOT, RootVector};
+use mujoco_grasp::grasp::cone::{Bound, Law, Zone};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::test_runner::TestRng;
@@ -19,7 +19,6 @@ struct Contact {
 }
 
 struct Problem {
-    root: usize,
     fingers: Vec<usize>,
     contacts: Vec<Contact>,
 }
@@ -32,7 +31,7 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
     let mut bytes = [7u8; 32];
     bytes[..8].copy_from_slice(&seed.to_le_bytes());
     let mut rng = TestRng::from_seed(prop::test_runner::RngAlgorithm::ChaCha, &bytes);
-    let root = 6 + (seed % 4) as usize;
+    let root = ROOT;
     let fingers: Vec<usize> = (0..5).map(|i| 1 + (seed as usize + i) % 4).collect();
     let size = root + fingers.iter().sum::<usize>();
     let mut contacts = Vec::new();
@@ -60,45 +59,48 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
             Law::Slip { centre, resistance: 0.2, friction, bound: Bound::Ellipsoid(normal) }
         } else if condim == 1 {
             Law::Unilateral { stiffness: 0.5 }
-        } else if rng.next_u32() % 3 == 0 {
+        } else if rng.next_u32().is_multiple_of(3) {
             Law::Pyramidal { stiffness: 0.5, friction }
         } else {
             Law::Elliptic { stiffness: 0.5, cone: 0.8, friction }
         };
         contacts.push(Contact { finger, law, rows, bias });
     }
-    Problem { root, fingers, contacts }
+    Problem { fingers, contacts }
 }
 
-/// Unknown motion by the arrow solve from the start `z`.
-fn ours(problem: &Problem, z: &mut [f64]) -> bool {
+/// All unknowns (root, then each finger's joints) by the arrow solve from the start `z`, contacts expected at `zone`.
+fn ours(problem: &Problem, mut z: RootVector, zone: Zone) -> Option<DVector<f64>> {
     let mut arrow = Arrow::default();
-    arrow.begin(problem.root);
-    let add = |arrow: &mut Arrow, finger: Option<usize>, start: usize, dim: usize| {
-        for c in problem.contacts.iter().filter(|c| c.finger == finger) {
-            let out = arrow.add_block(c.bias.len(), c.law);
-            for i in 0..c.bias.len() {
-                out.bias[i] = c.bias[i];
-                for j in 0..problem.root {
-                    out.root[i * problem.root + j] = c.rows[(i, j)];
-                }
-                for j in 0..dim {
-                    out.finger[i * dim + j] = c.rows[(i, start + j)];
-                }
-            }
+    let mut order = Vec::new();
+    arrow.begin();
+    for finger in std::iter::once(None).chain((0..problem.fingers.len()).map(Some)) {
+        let contacts = || problem.contacts.iter().filter(move |c| c.finger == finger);
+        arrow.begin_branch();
+        for c in contacts() {
+            let root: Vec<RootVector> = c.rows.row_iter().map(|row| std::array::from_fn(|j| row[j])).collect();
+            arrow.add_block(c.law, zone, &root, &c.bias, &vec![0.0; c.bias.len()]);
+            order.push(c);
         }
-    };
-    add(&mut arrow, None, 0, 0);
-    for (f, &dim) in problem.fingers.iter().enumerate() {
-        let start = arrow.begin_branch(dim);
-        add(&mut arrow, Some(f), start, dim);
+        let rows: Vec<DVector<f64>> =
+            contacts().flat_map(|c| c.rows.row_iter().map(|r| r.columns(ROOT, r.len() - ROOT).transpose())).collect();
+        arrow.end_branch(finger.map(|_| |i: usize, j: usize| rows[i].dot(&rows[j])));
     }
-    assert_eq!(arrow.size(), z.len());
-    arrow.solve(None, z).converged
+    let status = arrow.solve(&mut z);
+    let mut all = DVector::zeros(problem.contacts[0].rows.ncols());
+    for (block, c) in order.iter().enumerate() {
+        let first = usize::from(matches!(c.law, Law::Slip { .. }));
+        for i in first..c.bias.len() {
+            all += c.rows.row(i).transpose() * arrow.response(block).force[i - first];
+        }
+    }
+    // at the minimum the root's motion is what the forces explain
+    let off = all.rows(0, ROOT) - DVector::from_column_slice(&z);
+    (status.converged && off.norm() < 1e-5 * all.norm().max(1.0)).then_some(all)
 }
 
 /// The same by Clarabel, in the contact forces of all contacts at once: `z = sum Y_i' f_i`.
-fn oracle(problem: &Problem) -> DVector<f64> {
+fn oracle(problem: &Problem) -> Option<DVector<f64>> {
     let duals: Vec<_> = problem
         .contacts
         .iter()
@@ -132,7 +134,7 @@ fn oracle(problem: &Problem) -> DVector<f64> {
         c0 += d.b.len();
     }
     p += to_z.transpose() * &to_z;
-    &to_z * oracle::conic(&p, &q, &a, &b, &cones)
+    oracle::conic(&p, &q, &a, &b, &cones).map(|forces| &to_z * forces)
 }
 
 /// What is minimised, from its definition.
@@ -146,23 +148,23 @@ fn cost(problem: &Problem, z: &DVector<f64>) -> f64 {
 }
 
 fn compare(slip: bool) {
+    let mut solved = 0;
     for seed in 0..200 {
         let problem = random_problem(seed, slip);
-        let size = problem.contacts[0].rows.ncols();
-        let mut cold = vec![0.0; size];
-        assert!(ours(&problem, &mut cold), "seed {seed} did not converge");
-        let expected = oracle(&problem);
-        let cold = DVector::from_vec(cold);
+        let cold = ours(&problem, [0.0; ROOT], Zone::Stick).unwrap_or_else(|| panic!("seed {seed} did not converge"));
+        // the oracle gives up on some; not on many, see below
+        let Some(expected) = oracle(&problem) else { continue };
+        solved += 1;
         // strongly convex: a cost no higher than the oracle's means a point no farther from the minimum
         let (mine, theirs) = (cost(&problem, &cold), cost(&problem, &expected));
         assert!(mine <= theirs + 1e-9 * theirs.abs(), "seed {seed}: {mine} above {theirs}");
         assert!((&cold - &expected).norm() < 0.03 * expected.norm().max(1.0), "seed {seed}: another problem");
         // the minimum is one: another start ends in the same point
-        let mut far: Vec<f64> = (0..size).map(|i| 5.0 * (i as f64).sin()).collect();
-        assert!(ours(&problem, &mut far));
-        let error = (&cold - DVector::from_vec(far)).norm() / expected.norm().max(1.0);
-        assert!(error < 1e-7, "seed {seed}: starts differ by {error}");
+        let far = ours(&problem, std::array::from_fn(|i| 5.0 * (i as f64).sin()), Zone::Slide).expect("convergence");
+        let error = (&cold - far).norm() / expected.norm().max(1.0);
+        assert!(error < 1e-5, "seed {seed}: starts differ by {error}");
     }
+    assert!(solved >= 150, "the oracle solved only {solved} of 200");
 }
 
 #[test]

@@ -27,19 +27,11 @@ fn a_resting_ball_is_pushed_up_by_its_weight() {
         let contact = sim.contact(0).unwrap();
         assert_eq!(contact.bodies, [BodyId::WORLD, ball]);
         assert_eq!(contact.other_body(ball), Some(BodyId::WORLD));
-        assert_eq!(
-            contact
-                .geoms
-                .map(|geom| sim.model().geom_name(geom).unwrap().to_string()),
-            ["floor", "ball"]
-        );
+        assert_eq!(contact.geoms.map(|geom| sim.model().geom_name(geom).unwrap().to_string()), ["floor", "ball"]);
         // The normal points from geom 1 (floor) to geom 2 (ball): up. So does the force on the ball.
         assert!((contact.normal() - Vector3::z()).norm() < 1e-12);
         let force = sim.contact_force(0).unwrap();
-        assert!(
-            (force.force - Vector3::new(0.0, 0.0, 2.0 * 9.81)).norm() < 1e-6,
-            "{cone:?}: {force:?}"
-        );
+        assert!((force.force - Vector3::new(0.0, 0.0, 2.0 * 9.81)).norm() < 1e-6, "{cone:?}: {force:?}");
         assert!(force.torque.norm() < 1e-9);
     }
 }
@@ -52,10 +44,7 @@ fn the_frame_is_a_rotation_and_the_point_lies_between_the_surfaces() {
     assert!((contact.frame.determinant() - 1.0).abs() < 1e-12);
     assert!(contact.dist < 0.0 && contact.dist > -0.01);
     assert!((contact.position.z - contact.dist / 2.0).abs() < 1e-12);
-    assert_eq!(
-        (contact.condim, contact.excluded, contact.efc_address),
-        (3, false, Some(0))
-    );
+    assert_eq!((contact.condim, contact.excluded, contact.efc_address), (3, false, Some(0)));
     assert_eq!(contact.friction[0], 1.0);
 }
 
@@ -100,20 +89,14 @@ fn friction_of_a_rolling_ball_points_up_the_slope() {
         }
         let force = sim.contact_force(0).unwrap().force;
         let expected = Vector3::new(-slope.sin() * 2.0 / 7.0, 0.0, slope.cos()) * 2.0 * 9.81;
-        assert!(
-            (force - expected).norm() < 0.02 * expected.norm(),
-            "{cone:?}: {force} {expected}"
-        );
+        assert!((force - expected).norm() < 0.02 * expected.norm(), "{cone:?}: {force} {expected}");
     }
 }
 
 /// With condim 4 a ball spinning on the floor is braked by a torque about the normal, against the spin.
 #[test]
 fn the_torque_of_a_spinning_ball_is_against_the_spin() {
-    let xml = BALL.replace(
-        "size=\"1 1 1\"",
-        "size=\"1 1 1\" condim=\"4\" friction=\"1 0.02 0\"",
-    );
+    let xml = BALL.replace("size=\"1 1 1\"", "size=\"1 1 1\" condim=\"4\" friction=\"1 0.02 0\"");
     for cone in [Cone::Pyramidal, Cone::Elliptic] {
         let mut sim = Simulation::new(&Model::from_xml_string(&xml).unwrap()).unwrap();
         sim.set_cone(cone).unwrap();
@@ -126,10 +109,7 @@ fn the_torque_of_a_spinning_ball_is_against_the_spin() {
         // It spins fast, so friction is at its limit: 0.02 m times the normal force (most of it in a pyramid, which
         // shares the normal force between its edges).
         let (torque, limit) = (on_ball.torque, 0.02 * on_ball.force.z);
-        assert!(
-            torque.z < -0.5 * limit && torque.z > -1.001 * limit,
-            "{cone:?}: {torque} {limit}"
-        );
+        assert!(torque.z < -0.5 * limit && torque.z > -1.001 * limit, "{cone:?}: {torque} {limit}");
         assert!(torque.x.abs() + torque.y.abs() < 1e-9);
     }
 }

@@ -13,9 +13,7 @@ const ARM: &str = r#"<mujoco><option gravity="0 0 0"/><worldbody>
 /// At a configuration without symmetry, with everything computed.
 fn bent() -> Simulation {
     let mut sim = Simulation::new(&Model::from_xml_string(ARM).unwrap()).unwrap();
-    let velocity: Vec<f64> = (0..sim.model().nv())
-        .map(|i| 0.4 + (i as f64).sin())
-        .collect();
+    let velocity: Vec<f64> = (0..sim.model().nv()).map(|i| 0.4 + (i as f64).sin()).collect();
     let mut start = sim.qpos().to_vec();
     advance(&sim, &mut start, &velocity, 1.0);
     sim.qpos_mut().copy_from_slice(&start);
@@ -28,13 +26,9 @@ fn bent() -> Simulation {
 fn advance(sim: &Simulation, qpos: &mut [f64], qvel: &[f64], time: f64) {
     let model = sim.model();
     for joint in model.joints() {
-        let (q, v) = (
-            model.jnt_qposadr()[joint.index()] as usize,
-            model.jnt_dofadr()[joint.index()] as usize,
-        );
+        let (q, v) = (model.jnt_qposadr()[joint.index()] as usize, model.jnt_dofadr()[joint.index()] as usize);
         let rotate = |quat: &mut [f64], w: &[f64]| {
-            let turn =
-                nalgebra::UnitQuaternion::from_scaled_axis(Vector3::from_column_slice(w) * time);
+            let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::from_column_slice(w) * time);
             let old = nalgebra::Quaternion::new(quat[0], quat[1], quat[2], quat[3]);
             let new = nalgebra::UnitQuaternion::from_quaternion(old) * turn;
             quat.copy_from_slice(&[new.w, new.i, new.j, new.k]);
@@ -62,21 +56,12 @@ fn finite_twist(sim: &Simulation, body: BodyId, point: &Vector3<f64>, dof: usize
         advance(sim, &mut qpos, &unit, time);
         moved.qpos_mut().copy_from_slice(&qpos);
         moved.kinematics().unwrap();
-        (
-            moved.body_position(body) + moved.body_rotation(body) * local,
-            moved.body_rotation(body),
-        )
+        (moved.body_position(body) + moved.body_rotation(body) * local, moved.body_rotation(body))
     });
     let linear = (plus.0 - minus.0) / (2.0 * STEP);
     let turn = plus.1 * minus.1.transpose();
-    let angular = Vector3::new(
-        turn.m32 - turn.m23,
-        turn.m13 - turn.m31,
-        turn.m21 - turn.m12,
-    ) / (4.0 * STEP);
-    Vector6::new(
-        linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-    )
+    let angular = Vector3::new(turn.m32 - turn.m23, turn.m13 - turn.m31, turn.m21 - turn.m12) / (4.0 * STEP);
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
 #[test]
@@ -91,36 +76,12 @@ fn jacobians_are_the_derivatives_of_the_kinematics() {
     type Jac<'a> = Box<dyn Fn(&mut [f64]) + 'a>;
     let offset = Vector3::new(0.1, -0.2, 0.3);
     let cases: [(BodyId, Vector3<f64>, Jac); 6] = [
-        (
-            hand,
-            sim.body_position(hand),
-            Box::new(|out| sim.jac_body(hand, out).unwrap()),
-        ),
-        (
-            hand,
-            sim.body_com(hand),
-            Box::new(|out| sim.jac_body_com(hand, out).unwrap()),
-        ),
-        (
-            hand,
-            sim.site_position(site),
-            Box::new(|out| sim.jac_site(site, out).unwrap()),
-        ),
-        (
-            hand,
-            sim.geom_position(geom),
-            Box::new(|out| sim.jac_geom(geom, out).unwrap()),
-        ),
-        (
-            hand,
-            offset,
-            Box::new(|out| sim.jac_point(hand, &offset, out).unwrap()),
-        ),
-        (
-            cube,
-            offset,
-            Box::new(|out| sim.jac_point(cube, &offset, out).unwrap()),
-        ),
+        (hand, sim.body_position(hand), Box::new(|out| sim.jac_body(hand, out).unwrap())),
+        (hand, sim.body_com(hand), Box::new(|out| sim.jac_body_com(hand, out).unwrap())),
+        (hand, sim.site_position(site), Box::new(|out| sim.jac_site(site, out).unwrap())),
+        (hand, sim.geom_position(geom), Box::new(|out| sim.jac_geom(geom, out).unwrap())),
+        (hand, offset, Box::new(|out| sim.jac_point(hand, &offset, out).unwrap())),
+        (cube, offset, Box::new(|out| sim.jac_point(cube, &offset, out).unwrap())),
     ];
     for (case, (body, point, jacobian)) in cases.iter().enumerate() {
         jacobian(&mut rows);
@@ -159,15 +120,11 @@ fn the_inertia_matrix_gives_the_kinetic_energy_of_the_bodies() {
             let body = BodyId::from_index(i);
             let twist = sim.body_com_twist(body).unwrap();
             let (v, w) = (twist.fixed_rows::<3>(0), twist.fixed_rows::<3>(3));
-            0.5 * sim.model().body_mass()[i] * v.norm_squared()
-                + 0.5 * w.dot(&(sim.body_inertia_world(body) * w))
+            0.5 * sim.model().body_mass()[i] * v.norm_squared() + 0.5 * w.dot(&(sim.body_inertia_world(body) * w))
         })
         .sum();
     let energy = 0.5 * qvel.dot(&(&mass * &qvel));
-    assert!(
-        (energy - bodies).abs() < 1e-12 * bodies,
-        "{energy} {bodies}"
-    );
+    assert!((energy - bodies).abs() < 1e-12 * bodies, "{energy} {bodies}");
     sim.set_energy_enabled(true);
     sim.energy_vel().unwrap();
     assert!((sim.energy()[1] - bodies).abs() < 1e-12 * bodies);
@@ -196,17 +153,13 @@ fn forces_on_a_free_body_accelerate_it_as_newton_says() {
         sim.forward().unwrap();
         // A free joint: linear acceleration in world axes, angular in body axes.
         let linear = Vector3::from_column_slice(&sim.qacc()[dof..dof + 3]);
-        let angular =
-            sim.body_rotation(cube) * Vector3::from_column_slice(&sim.qacc()[dof + 3..dof + 6]);
+        let angular = sim.body_rotation(cube) * Vector3::from_column_slice(&sim.qacc()[dof + 3..dof + 6]);
         assert!((linear - force / 3.0).norm() < 1e-12);
         assert!((inertia * angular - moment).norm() < 1e-12);
     };
     // The same wrench in three ways: at the centre of mass, at a point, and as a generalized force of the caller's.
     sim.set_body_wrench(cube, &force, &torque).unwrap();
-    assert_eq!(
-        sim.body_wrench(cube).unwrap().as_slice(),
-        [3.0, -6.0, 9.0, 0.1, 0.2, -0.3]
-    );
+    assert_eq!(sim.body_wrench(cube).unwrap().as_slice(), [3.0, -6.0, 9.0, 0.1, 0.2, -0.3]);
     check(&mut sim, torque);
     sim.clear_body_wrenches();
     let point = Vector3::new(0.3, 0.2, 0.1);
@@ -216,12 +169,6 @@ fn forces_on_a_free_body_accelerate_it_as_newton_says() {
     let applied = sim.qfrc_applied().to_vec();
     sim.qfrc_applied_mut().fill(0.0);
     let mut own = vec![1.0; applied.len()];
-    sim.add_generalized_force(cube, &force, &torque, &point, &mut own)
-        .unwrap();
-    assert!(
-        own.iter()
-            .zip(&applied)
-            .all(|(own, applied)| (own - 1.0 - applied).abs() < 1e-12),
-        "it adds"
-    );
+    sim.add_generalized_force(cube, &force, &torque, &point, &mut own).unwrap();
+    assert!(own.iter().zip(&applied).all(|(own, applied)| (own - 1.0 - applied).abs() < 1e-12), "it adds");
 }

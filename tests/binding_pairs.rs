@@ -4,24 +4,15 @@ use mujoco_grasp::mujoco::{BodyId, Contact, GeomId, Model, PairCollider, Simulat
 use std::path::Path;
 use std::time::Instant;
 
+#[path = "common/random.rs"]
+mod random;
 #[path = "common/robot.rs"]
 mod robot;
 
+use random::Random;
+
 fn simulation(xml: &str) -> Simulation {
     Simulation::new(&Model::from_xml_string(xml).unwrap()).unwrap()
-}
-
-/// splitmix64: numbers from -1 to 1.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
 }
 
 /// Everything that a contact says, as bits; its constraint rows are not made yet.
@@ -33,11 +24,7 @@ fn bits(contact: &Contact) -> Vec<u64> {
     let real = real.chain([&contact.dist, &contact.include_margin]);
     let real = real.chain(&contact.friction);
     let real = real.chain(&contact.solref).chain(&contact.solimp);
-    whole
-        .into_iter()
-        .chain([u64::from(contact.excluded)])
-        .chain(real.map(|x| x.to_bits()))
-        .collect()
+    whole.into_iter().chain([u64::from(contact.excluded)]).chain(real.map(|x| x.to_bits())).collect()
 }
 
 fn geoms_of(sim: &Simulation, body: BodyId) -> Vec<GeomId> {
@@ -53,11 +40,7 @@ fn compare(sim: &mut Simulation, first: &[GeomId], second: &[GeomId]) -> usize {
     sim.kinematics().unwrap();
     let poses = (sim.geom_xpos().to_vec(), sim.geom_xmat().to_vec());
     collider.collide(sim, &mut found).unwrap();
-    assert_eq!(
-        poses,
-        (sim.geom_xpos().to_vec(), sim.geom_xmat().to_vec()),
-        "the poses are as before"
-    );
+    assert_eq!(poses, (sim.geom_xpos().to_vec(), sim.geom_xmat().to_vec()), "the poses are as before");
     sim.collision().unwrap();
     let between = |contact: &Contact| {
         let [a, b] = contact.geoms;
@@ -80,9 +63,7 @@ fn compare_at_random(sim: &mut Simulation, configurations: usize, size: f64, see
     let (even, odd): (Vec<GeomId>, Vec<GeomId>) = all.iter().partition(|g| g.index() % 2 == 0);
     let mut contacts = 0;
     for _ in 0..configurations {
-        sim.qpos_mut()
-            .iter_mut()
-            .for_each(|q| *q = size * random.next());
+        sim.qpos_mut().iter_mut().for_each(|q| *q = size * random.next());
         contacts += compare(sim, &all, &all);
         compare(sim, &even, &odd);
     }
@@ -128,9 +109,7 @@ const PAIRS: &str = r#"
   <pair geom1="wedge" geom2="cube" margin=".3"/>"#;
 
 fn zoo(option: &str, contact: &str) -> Simulation {
-    let xml = ZOO
-        .replace("{OPTION}", option)
-        .replace("{CONTACT}", contact);
+    let xml = ZOO.replace("{OPTION}", option).replace("{CONTACT}", contact);
     let mut sim = simulation(&xml);
     sim.forward().unwrap();
     sim
@@ -158,7 +137,8 @@ fn options_and_flags_of_collision_are_obeyed() {
     let family = r#"<option><flag filterparent="disable"/></option>"#;
     assert!(compare_at_random(&mut zoo(family, PAIRS), 60, 0.35, 6) > 1000);
     // A smaller margin than the geoms' own, so that the engine's broad phase loses nothing.
-    let all_alike = r#"<option o_margin="-.001" o_solref=".07 .9" o_solimp=".5 .6 .01 .5 2"><flag override="enable"/></option>"#;
+    let all_alike =
+        r#"<option o_margin="-.001" o_solref=".07 .9" o_solimp=".5 .6 .01 .5 2"><flag override="enable"/></option>"#;
     assert!(compare_at_random(&mut zoo(all_alike, PAIRS), 60, 0.35, 7) > 1000);
     for off in ["contact", "constraint"] {
         let off = format!(r#"<option><flag {off}="disable"/></option>"#);
@@ -174,9 +154,7 @@ fn an_edited_friction_is_seen() {
     let mut sim = zoo("", PAIRS);
     let mut random = Random(9);
     for _ in 0..5 {
-        sim.geom_friction_mut()
-            .iter_mut()
-            .for_each(|mu| *mu = random.next().abs());
+        sim.geom_friction_mut().iter_mut().for_each(|mu| *mu = random.next().abs());
         assert!(compare_at_random(&mut sim, 5, 0.3, 10) > 50);
     }
     // Without making the collider again, too.
@@ -194,9 +172,7 @@ fn bodies_alone_are_found_among_all_others() {
     let mut random = Random(11);
     let mut contacts = 0;
     for _ in 0..20 {
-        sim.qpos_mut()
-            .iter_mut()
-            .for_each(|q| *q = 0.3 * random.next());
+        sim.qpos_mut().iter_mut().for_each(|q| *q = 0.3 * random.next());
         for body1 in sim.model().bodies() {
             for body2 in sim.model().bodies() {
                 let (first, second) = (geoms_of(&sim, body1), geoms_of(&sim, body2));
@@ -277,9 +253,8 @@ fn medians(rounds: usize, mut first: impl FnMut(), mut second: impl FnMut()) -> 
         (0..BATCH).for_each(|_| run());
         start.elapsed().as_nanos() as f64 / f64::from(BATCH)
     };
-    let (mut times1, mut times2): (Vec<f64>, Vec<f64>) = (0..rounds)
-        .map(|_| (time(&mut first), time(&mut second)))
-        .unzip();
+    let (mut times1, mut times2): (Vec<f64>, Vec<f64>) =
+        (0..rounds).map(|_| (time(&mut first), time(&mut second))).unzip();
     times1.sort_by(f64::total_cmp);
     times2.sort_by(f64::total_cmp);
     (times1[rounds / 2], times2[rounds / 2])
@@ -293,11 +268,7 @@ fn a_grasps_contacts_cost_a_fraction_of_the_collision_stage() {
     let mut collider = PairCollider::new(&sim, &hand, &ball).unwrap();
     let mut found = vec![];
     let mut other = sim.clone();
-    let (ours, engine) = medians(
-        300,
-        || collider.collide(&sim, &mut found).unwrap(),
-        || other.collision().unwrap(),
-    );
+    let (ours, engine) = medians(300, || collider.collide(&sim, &mut found).unwrap(), || other.collision().unwrap());
     println!("22 capsules and a ball, 5 contacts: {ours:.0} ns; mj_collision: {engine:.0} ns");
     assert!(ours < 0.25 * engine, "{ours} ns of {engine} ns");
 }

@@ -56,34 +56,15 @@ fn a_weld_turned_into_friction_rows_holds_up_to_its_limit_and_no_further() {
         let dof = sim.model().body_dofadr()[cube.index()] as usize + 2;
         // Above the weight it holds like the weld: no acceleration, and the row's force is the weight.
         step_with_limit(&mut sim, 2.0 * WEIGHT);
-        assert!(
-            sim.qacc()[dof].abs() < 2e-2,
-            "{solver:?} {storage:?}: {}",
-            sim.qacc()[dof]
-        );
-        assert!(
-            (sim.efc_force()[2].abs() - WEIGHT).abs() < 1e-2 * WEIGHT,
-            "{:?}",
-            &sim.efc_force()[..6]
-        );
+        assert!(sim.qacc()[dof].abs() < 2e-2, "{solver:?} {storage:?}: {}", sim.qacc()[dof]);
+        assert!((sim.efc_force()[2].abs() - WEIGHT).abs() < 1e-2 * WEIGHT, "{:?}", &sim.efc_force()[..6]);
         assert_eq!(sim.row_state(2).unwrap(), RowState::Quadratic);
         // Below it the force is the limit, and the cube falls with the rest.
         sim.reset().unwrap();
         step_with_limit(&mut sim, 0.25 * WEIGHT);
-        assert!(
-            (sim.efc_force()[2].abs() - 0.25 * WEIGHT).abs() < 1e-9 * WEIGHT,
-            "{:?}",
-            &sim.efc_force()[..6]
-        );
-        assert!(
-            (sim.qacc()[dof] + 0.75 * 9.81).abs() < 1e-6,
-            "{solver:?} {storage:?}: {}",
-            sim.qacc()[dof]
-        );
-        assert!(matches!(
-            sim.row_state(2).unwrap(),
-            RowState::AtUpperLimit | RowState::AtLowerLimit
-        ));
+        assert!((sim.efc_force()[2].abs() - 0.25 * WEIGHT).abs() < 1e-9 * WEIGHT, "{:?}", &sim.efc_force()[..6]);
+        assert!((sim.qacc()[dof] + 0.75 * 9.81).abs() < 1e-6, "{solver:?} {storage:?}: {}", sim.qacc()[dof]);
+        assert!(matches!(sim.row_state(2).unwrap(), RowState::AtUpperLimit | RowState::AtLowerLimit));
     }
 }
 
@@ -95,19 +76,9 @@ fn rows_are_found_and_rewritten() {
         let weld = sim.model().equality("w").unwrap();
         assert_eq!(sim.equality_rows(weld), Some(0..6));
         assert_eq!((sim.ne(), sim.nf()), (6, 1));
-        let kinds: Vec<_> = (0..sim.nefc())
-            .map(|row| sim.constraint_row(row).unwrap().kind)
-            .collect();
-        assert_eq!(
-            kinds[..7],
-            [[RowKind::Equality; 6].as_slice(), &[RowKind::FrictionDof]].concat()
-        );
-        assert!(
-            kinds[7..]
-                .iter()
-                .all(|kind| *kind == RowKind::ContactPyramidal)
-                && kinds.len() > 7
-        );
+        let kinds: Vec<_> = (0..sim.nefc()).map(|row| sim.constraint_row(row).unwrap().kind).collect();
+        assert_eq!(kinds[..7], [[RowKind::Equality; 6].as_slice(), &[RowKind::FrictionDof]].concat());
+        assert!(kinds[7..].iter().all(|kind| *kind == RowKind::ContactPyramidal) && kinds.len() > 7);
 
         // J qvel from the rows read one by one is the engine's product, also after a row was replaced.
         let nv = sim.model().nv();
@@ -131,8 +102,7 @@ fn rows_are_found_and_rewritten() {
             // The transpose is kept in step.
             let f: Vec<f64> = (0..sim.nefc()).map(|i| (i as f64).sin()).collect();
             let mut forces = vec![0.0; nv];
-            sim.mul_constraint_jacobian_transposed(&f, &mut forces)
-                .unwrap();
+            sim.mul_constraint_jacobian_transposed(&f, &mut forces).unwrap();
             for (dof, force) in forces.iter().enumerate() {
                 let expected: f64 = rows.iter().zip(&f).map(|(row, f)| row[dof] * f).sum();
                 assert!((force - expected).abs() < 1e-12, "{storage:?} dof {dof}");
@@ -142,10 +112,7 @@ fn rows_are_found_and_rewritten() {
         sim.set_row_kbip(4, [10.0, 20.0, 0.5, 0.0]).unwrap();
         sim.set_row_position(4, 0.03).unwrap();
         sim.set_row_regularization(4, 0.25).unwrap();
-        assert_eq!(
-            (sim.efc_R()[4], sim.efc_D()[4], sim.efc_diagApprox()[4]),
-            (0.25, 4.0, 0.25)
-        );
+        assert_eq!((sim.efc_R()[4], sim.efc_D()[4], sim.efc_diagApprox()[4]), (0.25, 4.0, 0.25));
         sim.velocity().unwrap();
         // aref = -B v - K I (pos - margin), at rest.
         assert!((sim.efc_aref()[4] + 10.0 * 0.5 * 0.03).abs() < 1e-15);
@@ -176,53 +143,20 @@ fn an_equality_that_is_off_has_no_rows() {
 #[test]
 fn rows_that_do_not_exist_and_numbers_that_make_no_sense_are_errors() {
     let mut sim = pair(Solver::Newton, JacobianStorage::Sparse);
-    assert!(
-        matches!(sim.constraint_row(0), Err(Error::OutOfRange { .. })),
-        "nothing is made yet"
-    );
+    assert!(matches!(sim.constraint_row(0), Err(Error::OutOfRange { .. })), "nothing is made yet");
     sim.forward().unwrap();
     let nv = sim.model().nv();
-    assert!(matches!(
-        sim.make_friction_rows(7),
-        Err(Error::OutOfRange { .. })
-    ));
-    assert!(
-        matches!(
-            sim.set_row_friction_limit(0, 1.0),
-            Err(Error::Unsupported(_))
-        ),
-        "an equality row"
-    );
+    assert!(matches!(sim.make_friction_rows(7), Err(Error::OutOfRange { .. })));
+    assert!(matches!(sim.set_row_friction_limit(0, 1.0), Err(Error::Unsupported(_))), "an equality row");
     sim.set_row_friction_limit(6, 1.0).unwrap();
-    assert!(matches!(
-        sim.set_row_friction_limit(6, -1.0),
-        Err(Error::Value { .. })
-    ));
-    assert!(matches!(
-        sim.set_row_regularization(0, 0.0),
-        Err(Error::Value { .. })
-    ));
-    assert!(matches!(
-        sim.set_row_regularization(0, 1e-320),
-        Err(Error::Value { .. })
-    ));
-    assert!(matches!(
-        sim.set_row_position(0, f64::NAN),
-        Err(Error::Value { .. })
-    ));
-    assert!(matches!(
-        sim.set_row_jacobian(0, &vec![0.0; nv - 1]),
-        Err(Error::Length { .. })
-    ));
-    assert!(matches!(
-        sim.set_row_jacobian(0, &vec![f64::INFINITY; nv]),
-        Err(Error::Value { .. })
-    ));
+    assert!(matches!(sim.set_row_friction_limit(6, -1.0), Err(Error::Value { .. })));
+    assert!(matches!(sim.set_row_regularization(0, 0.0), Err(Error::Value { .. })));
+    assert!(matches!(sim.set_row_regularization(0, 1e-320), Err(Error::Value { .. })));
+    assert!(matches!(sim.set_row_position(0, f64::NAN), Err(Error::Value { .. })));
+    assert!(matches!(sim.set_row_jacobian(0, &vec![0.0; nv - 1]), Err(Error::Length { .. })));
+    assert!(matches!(sim.set_row_jacobian(0, &vec![f64::INFINITY; nv]), Err(Error::Value { .. })));
     // The first ball's degrees of freedom are not among the weld's columns.
-    assert!(matches!(
-        sim.set_row_jacobian(0, &vec![1.0; nv]),
-        Err(Error::Unsupported(_))
-    ));
+    assert!(matches!(sim.set_row_jacobian(0, &vec![1.0; nv]), Err(Error::Unsupported(_))));
     let beyond = sim.nefc();
     assert!(sim.set_row_reference(beyond, 0.0).is_err() && sim.row_state(beyond).is_err());
 }

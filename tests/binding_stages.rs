@@ -29,9 +29,8 @@ const SCENE: &str = r#"<mujoco><option timestep="0.002"><flag energy="enable"/><
 </mujoco>"#;
 
 fn scene() -> Model {
-    let xml = SCENE
-        .replace("<motor tendon", "<motor name=\"pull\" tendon")
-        .replace("actuator=\"_\"", "actuator=\"pull\"");
+    let xml =
+        SCENE.replace("<motor tendon", "<motor name=\"pull\" tendon").replace("actuator=\"_\"", "actuator=\"pull\"");
     Model::from_xml_string(&xml).unwrap()
 }
 
@@ -62,12 +61,7 @@ fn bits(sim: &Simulation) -> Vec<u64> {
         sim.ten_length(),
         &sim.energy(),
     ];
-    arrays
-        .iter()
-        .flat_map(|array| array.iter())
-        .chain([&sim.time()])
-        .map(|x| x.to_bits())
-        .collect()
+    arrays.iter().flat_map(|array| array.iter()).chain([&sim.time()]).map(|x| x.to_bits()).collect()
 }
 
 #[test]
@@ -94,10 +88,7 @@ fn a_step_in_stages_is_a_step_bit_for_bit() {
                         assert!(bits(&whole) == bits(&staged), "{case:?}");
                         contacts = contacts.max(whole.contact_count());
                     }
-                    assert!(
-                        contacts >= 5 && whole.ne() == 10,
-                        "the scene is too quiet to tell"
-                    );
+                    assert!(contacts >= 5 && whole.ne() == 10, "the scene is too quiet to tell");
                 }
             }
         }
@@ -125,10 +116,7 @@ fn rk4_has_no_stages() {
     sim.step().unwrap();
     let time = sim.time();
     let error = sim.step_in_stages().unwrap_err();
-    assert!(
-        matches!(error, Error::Unsupported(_)) && error.to_string().contains("Rk4"),
-        "{error}"
-    );
+    assert!(matches!(error, Error::Unsupported(_)) && error.to_string().contains("Rk4"), "{error}");
     assert_eq!(sim.time(), time);
     assert!(sim.set_integrator(Integrator::Other(9)).is_err());
 }
@@ -165,11 +153,7 @@ fn a_replay_from_a_saved_state_is_the_same_bit_for_bit() {
     saved.qpos.pop();
     let before = sim.save();
     assert!(matches!(sim.restore(&saved), Err(Error::Length { .. })));
-    assert_eq!(
-        sim.save(),
-        before,
-        "a state that does not fit changes nothing"
-    );
+    assert_eq!(sim.save(), before, "a state that does not fit changes nothing");
 }
 
 #[test]
@@ -202,9 +186,7 @@ fn simulations_move_between_threads_and_run_in_parallel() {
             std::thread::spawn(move || {
                 let half = run(Simulation::new(&model).unwrap(), 0..100);
                 // The second half runs on yet another thread.
-                std::thread::spawn(move || bits(&run(half, 100..200)))
-                    .join()
-                    .unwrap()
+                std::thread::spawn(move || bits(&run(half, 100..200))).join().unwrap()
             })
         })
         .collect();
@@ -218,16 +200,10 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
     let threads: Vec<_> = (0..4)
         .map(|i| {
             std::thread::spawn(move || {
-                let long = format!(
-                    "<mujoco><include file='{}.xml'/></mujoco>",
-                    "x".repeat(1200)
-                );
+                let long = format!("<mujoco><include file='{}.xml'/></mujoco>", "x".repeat(1200));
                 for step in 0..20 {
                     if i % 2 == 0 {
-                        assert!(matches!(
-                            Model::from_xml_string(&long),
-                            Err(Error::Engine { .. })
-                        ));
+                        assert!(matches!(Model::from_xml_string(&long), Err(Error::Engine { .. })));
                     } else {
                         let mut sim = Simulation::new(&scene()).unwrap();
                         drive(&mut sim, step);
@@ -237,9 +213,7 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
             })
         })
         .collect();
-    threads
-        .into_iter()
-        .for_each(|thread| thread.join().unwrap());
+    threads.into_iter().for_each(|thread| thread.join().unwrap());
 }
 
 /// Nothing that safe code can do in the wrong order may crash: stages in any order, options and rows changed between
@@ -273,9 +247,7 @@ fn stages_in_any_order_do_no_harm() {
     ];
     let mut seed = 7_u64;
     let mut random = |below: usize| {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as usize % below
     };
     let mut sim = Simulation::new(&scene()).unwrap();
@@ -284,8 +256,7 @@ fn stages_in_any_order_do_no_harm() {
         let outcome = match random(40) {
             0 => sim.set_cone([Cone::Pyramidal, Cone::Elliptic][random(2)]),
             1 => sim.set_solver([Solver::Newton, Solver::Cg, Solver::Pgs][random(3)]),
-            2 => sim
-                .set_jacobian_storage([JacobianStorage::Dense, JacobianStorage::Sparse][random(2)]),
+            2 => sim.set_jacobian_storage([JacobianStorage::Dense, JacobianStorage::Sparse][random(2)]),
             3 => sim.set_noslip_iterations(random(3)),
             4 => sim.exclude_contact(random(9)),
             5 => sim.make_friction_rows(random(9)).map(drop),
@@ -295,11 +266,7 @@ fn stages_in_any_order_do_no_harm() {
             }
             7 => {
                 let i = random(sim.model().nq());
-                sim.qpos_mut()[i] = if random(4) == 0 {
-                    f64::NAN
-                } else {
-                    random(3) as f64
-                };
+                sim.qpos_mut()[i] = if random(4) == 0 { f64::NAN } else { random(3) as f64 };
                 Ok(())
             }
             8 if random(4) == 0 => sim.reset(),

@@ -18,18 +18,11 @@ fn refused(folder: &Path, args: &[&str], parts: &[&str]) {
     let message = json["error"].as_str().unwrap();
     for part in parts {
         assert!(message.contains(part), "{part:?} is not in: {message}");
-        assert!(
-            called.stderr.contains(part),
-            "{part:?} is not in: {}",
-            called.stderr
-        );
+        assert!(called.stderr.contains(part), "{part:?} is not in: {}", called.stderr);
     }
     assert!(!message.contains("panicked"));
-    let left: Vec<_> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|f| f.unwrap().file_name())
-        .filter(|f| f == "out")
-        .collect();
+    let left: Vec<_> =
+        std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name()).filter(|f| f == "out").collect();
     assert!(left.is_empty(), "bad input leaves no folder of results");
 }
 
@@ -44,52 +37,20 @@ fn refused_claw(model: &[(&str, &str)], scenario: &[(&str, &str)], parts: &[&str
 #[test]
 fn a_scenario_that_does_not_exist() {
     let folder = tempfile::tempdir().unwrap();
-    refused(
-        folder.path(),
-        &["run", "clatch"],
-        &["clatch", "built in are"],
-    );
-    refused(
-        folder.path(),
-        &["run", "missing/claw.toml"],
-        &["missing/claw.toml"],
-    );
-    refused(
-        folder.path(),
-        &["quality", folder.path().to_str().unwrap()],
-        &["cannot be read"],
-    );
+    refused(folder.path(), &["run", "clatch"], &["clatch", "built in are"]);
+    refused(folder.path(), &["run", "missing/claw.toml"], &["missing/claw.toml"]);
+    refused(folder.path(), &["quality", folder.path().to_str().unwrap()], &["cannot be read"]);
 }
 
 #[test]
 fn bad_usage() {
     let folder = tempfile::tempdir().unwrap();
     let claw = &data("claw.toml");
-    refused(
-        folder.path(),
-        &["run", claw, "--mode", "both_of_them"],
-        &["--mode", "full, grasp, both"],
-    );
-    refused(
-        folder.path(),
-        &["run", claw, "--push", "sideways"],
-        &["claw.toml", "push", "\"sideways\"", "\"along\""],
-    );
-    refused(
-        folder.path(),
-        &["run", claw, "--scale-push", "nan"],
-        &["--scale-push", "finite"],
-    );
-    refused(
-        folder.path(),
-        &["run", claw, "--at-onset", "inf"],
-        &["--at-onset", "finite"],
-    );
-    refused(
-        folder.path(),
-        &["run", claw, "--noslip", "5000"],
-        &["--noslip", "5000"],
-    );
+    refused(folder.path(), &["run", claw, "--mode", "both_of_them"], &["--mode", "full, grasp, both"]);
+    refused(folder.path(), &["run", claw, "--push", "sideways"], &["claw.toml", "push", "\"sideways\"", "\"along\""]);
+    refused(folder.path(), &["run", claw, "--scale-push", "nan"], &["--scale-push", "finite"]);
+    refused(folder.path(), &["run", claw, "--at-onset", "inf"], &["--at-onset", "finite"]);
+    refused(folder.path(), &["run", claw, "--noslip", "5000"], &["--noslip", "5000"]);
     refused(folder.path(), &["run", claw, "--frob"], &["--frob"]);
     refused(folder.path(), &["run"], &["SCENARIO"]);
     refused(folder.path(), &["frobnicate"], &["frobnicate"]);
@@ -107,90 +68,49 @@ fn help_and_version_are_no_errors() {
 
 #[test]
 fn an_mjcf_that_is_missing_or_malformed() {
-    refused_claw(
-        &[],
-        &[("claw.xml", "clown.xml")],
-        &["claw.toml", "model", "clown.xml"],
-    );
-    refused_claw(
-        &[("<worldbody>", "<worldbody")],
-        &[],
-        &["claw.toml", "model", "claw.xml"],
-    );
-    refused_claw(
-        &[("<freejoint name", "<freejoin name")],
-        &[],
-        &["claw.toml", "claw.xml", "freejoin"],
-    );
+    refused_claw(&[], &[("claw.xml", "clown.xml")], &["claw.toml", "model", "clown.xml"]);
+    refused_claw(&[("<worldbody>", "<worldbody")], &[], &["claw.toml", "model", "claw.xml"]);
+    refused_claw(&[("<freejoint name", "<freejoin name")], &[], &["claw.toml", "claw.xml", "freejoin"]);
 }
 
 #[test]
 fn unknown_names_in_the_scenario() {
-    refused_claw(
-        &[],
-        &[("\"object\"", "\"objct\"")],
-        &["claw.toml", "grasp[0].target", "\"objct\"", "\"object\""],
-    );
+    refused_claw(&[], &[("\"object\"", "\"objct\"")], &["claw.toml", "grasp[0].target", "\"objct\"", "\"object\""]);
     refused_claw(&[], &[("keyframe", "keyfarme")], &["claw.toml", "keyfarme"]);
 }
 
 #[test]
 fn an_effector_that_is_the_target() {
     let with = ("palm = \"palm\"", "effectors = [\"f0_3\", \"object\"]");
-    refused_claw(
-        &[],
-        &[with],
-        &["claw.toml", "grasp[0].effectors[1]", "is the target itself"],
-    );
+    refused_claw(&[], &[with], &["claw.toml", "grasp[0].effectors[1]", "is the target itself"]);
 }
 
 #[test]
 fn nan_in_a_control() {
-    refused_claw(
-        &[],
-        &[("f0_mcp = 0.45", "f0_mcp = nan")],
-        &["claw.toml", "control[0].set.f0_mcp", "finite"],
-    );
+    refused_claw(&[], &[("f0_mcp = 0.45", "f0_mcp = nan")], &["claw.toml", "control[0].set.f0_mcp", "finite"]);
 }
 
 #[test]
 fn an_integrator_whose_step_cannot_be_taken_apart() {
-    refused_claw(
-        &[("<option", "<option integrator=\"RK4\"")],
-        &[],
-        &["claw.toml", "grasp[0]", "RK4"],
-    );
+    refused_claw(&[("<option", "<option integrator=\"RK4\"")], &[], &["claw.toml", "grasp[0]", "RK4"]);
 }
 
 /// The run fails with status 1, says why, and keeps what it had.
 #[track_caller]
 fn dies(model: &[(&str, &str)], scenario: &[(&str, &str)], parts: &[&str], least_rows: usize) {
     let (folder, path) = changed_claw(model, scenario);
-    let called = call_in(
-        folder.path(),
-        &["run", path.to_str().unwrap(), "--push", "along", "--json"],
-    );
+    let called = call_in(folder.path(), &["run", path.to_str().unwrap(), "--push", "along", "--json"]);
     assert_eq!(called.status, 1, "{}", called.stderr);
     let json = called.json();
     for part in parts {
-        assert!(
-            json["error"].as_str().unwrap().contains(part),
-            "{part:?} is not in: {}",
-            json["error"]
-        );
+        assert!(json["error"].as_str().unwrap().contains(part), "{part:?} is not in: {}", json["error"]);
         assert!(called.stderr.contains(part), "{}", called.stderr);
     }
     assert!(json["runs"][0]["full"]["outcome"].is_null());
     assert_eq!(json["runs"][0]["compare"]["same_outcome"], false);
     for mode in ["full", "grasp"] {
-        let text =
-            std::fs::read_to_string(folder.path().join(format!("out/claw/{mode}-along.csv")))
-                .unwrap();
-        assert!(
-            text.lines().count() > least_rows,
-            "{mode} kept {} lines",
-            text.lines().count()
-        );
+        let text = std::fs::read_to_string(folder.path().join(format!("out/claw/{mode}-along.csv"))).unwrap();
+        assert!(text.lines().count() > least_rows, "{mode} kept {} lines", text.lines().count());
     }
     assert!(!folder.path().join("MUJOCO_LOG.TXT").exists());
 }
@@ -198,21 +118,13 @@ fn dies(model: &[(&str, &str)], scenario: &[(&str, &str)], parts: &[&str], least
 #[test]
 fn buffers_too_small_for_the_contacts() {
     let small = ("<default>", "<size nconmax=\"2\" njmax=\"200\"/><default>");
-    dies(
-        &[small],
-        &[],
-        &["full mode, push along", "contact buffer is full", "nconmax"],
-        100,
-    );
+    dies(&[small], &[], &["full mode, push along", "contact buffer is full", "nconmax"], 100);
     let small = ("<default>", "<size nconmax=\"50\" njmax=\"8\"/><default>");
     dies(&[small], &[], &["constraint buffer is full", "njmax"], 100);
 }
 
 #[test]
 fn a_time_step_that_makes_the_simulation_diverge() {
-    let unstable = [
-        ("timestep=\"0.002\"", "timestep=\"0.05\""),
-        ("kp=\"0.25\"", "kp=\"2500\""),
-    ];
+    let unstable = [("timestep=\"0.002\"", "timestep=\"0.05\""), ("kp=\"0.25\"", "kp=\"2500\"")];
     dies(&unstable, &[], &["diverged", "smaller time step"], 1);
 }

@@ -8,12 +8,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 fn keys(value: &Value) -> BTreeSet<&str> {
-    value
-        .as_object()
-        .unwrap()
-        .keys()
-        .map(String::as_str)
-        .collect()
+    value.as_object().unwrap().keys().map(String::as_str).collect()
 }
 
 const R: [&str; 11] = [
@@ -29,13 +24,8 @@ const R: [&str; 11] = [
     "slip_onset_s",
     "step_us_median",
 ];
-const C: [&str; 5] = [
-    "same_outcome",
-    "position_rmse_m",
-    "relative_error",
-    "rotation_rmse_rad",
-    "normal_force_relative_error",
-];
+const C: [&str; 5] =
+    ["same_outcome", "position_rmse_m", "relative_error", "rotation_rmse_rad", "normal_force_relative_error"];
 
 fn run(folder: &Path, scenario: &str, options: &[&str]) -> Called {
     let called = call_in(folder, &[&["run", scenario, "--json"], options].concat());
@@ -46,18 +36,8 @@ fn run(folder: &Path, scenario: &str, options: &[&str]) -> Called {
 fn rows(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
-    let head = lines
-        .next()
-        .unwrap()
-        .split(',')
-        .map(str::to_owned)
-        .collect();
-    (
-        head,
-        lines
-            .map(|l| l.split(',').map(|v| v.parse().unwrap()).collect())
-            .collect(),
-    )
+    let head = lines.next().unwrap().split(',').map(str::to_owned).collect();
+    (head, lines.map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect())
 }
 
 #[test]
@@ -65,67 +45,27 @@ fn both_modes_of_every_push() {
     let folder = tempfile::tempdir().unwrap();
     // From another folder, with the default place of results.
     let json = run(folder.path(), &data("claw.toml"), &[]).json();
-    assert_eq!(
-        keys(&json),
-        BTreeSet::from(["scenario", "engine", "nv", "timestep_s", "runs"])
-    );
-    assert_eq!(
-        (&json["scenario"], &json["engine"]),
-        (&"claw".into(), &"2.2.2".into())
-    );
-    assert_eq!(
-        (json["nv"].as_u64(), json["timestep_s"].as_f64()),
-        (Some(27), Some(0.002))
-    );
+    assert_eq!(keys(&json), BTreeSet::from(["scenario", "engine", "nv", "timestep_s", "runs"]));
+    assert_eq!((&json["scenario"], &json["engine"]), (&"claw".into(), &"2.2.2".into()));
+    assert_eq!((json["nv"].as_u64(), json["timestep_s"].as_f64()), (Some(27), Some(0.002)));
     let runs = json["runs"].as_array().unwrap();
-    assert_eq!(
-        runs.iter()
-            .map(|r| r["push"].as_str().unwrap())
-            .collect::<Vec<_>>(),
-        ["along", "down", "twist"]
-    );
+    assert_eq!(runs.iter().map(|r| r["push"].as_str().unwrap()).collect::<Vec<_>>(), ["along", "down", "twist"]);
     for pair in runs {
-        assert_eq!(
-            keys(pair),
-            BTreeSet::from(["push", "full", "grasp", "compare"])
-        );
+        assert_eq!(keys(pair), BTreeSet::from(["push", "full", "grasp", "compare"]));
         let (full, grasp, compare) = (&pair["full"], &pair["grasp"], &pair["compare"]);
-        assert_eq!(
-            (keys(full), keys(grasp)),
-            (BTreeSet::from(R), BTreeSet::from(R))
-        );
+        assert_eq!((keys(full), keys(grasp)), (BTreeSet::from(R), BTreeSet::from(R)));
         assert_eq!(keys(compare), BTreeSet::from(C));
         for absent in ["latched_at_s", "released_at_s", "quality_at_latch_n"] {
             assert!(full[absent].is_null(), "{absent}: full mode never latches");
         }
         assert!(grasp["latched_at_s"].as_f64().unwrap() > 2.0 && grasp["released_at_s"].is_null());
         assert_eq!(compare["same_outcome"], true);
-        assert!(
-            compare["relative_error"].as_f64().unwrap() < 0.05,
-            "{compare}"
-        );
-        assert!(
-            compare["normal_force_relative_error"].as_f64().unwrap() < 0.02,
-            "{compare}"
-        );
+        assert!(compare["relative_error"].as_f64().unwrap() < 0.05, "{compare}");
+        assert!(compare["normal_force_relative_error"].as_f64().unwrap() < 0.02, "{compare}");
         for mode in ["full", "grasp"] {
             let name = format!("out/claw/{mode}-{}.csv", pair["push"].as_str().unwrap());
             let (head, rows) = rows(&folder.path().join(name));
-            assert_eq!(
-                head[..10],
-                [
-                    "time_s",
-                    "px_m",
-                    "py_m",
-                    "pz_m",
-                    "qw",
-                    "qx",
-                    "qy",
-                    "qz",
-                    "phase",
-                    "quality_n"
-                ]
-            );
+            assert_eq!(head[..10], ["time_s", "px_m", "py_m", "pz_m", "qw", "qx", "qy", "qz", "phase", "quality_n"]);
             assert!(head[10..].iter().all(|h| h.starts_with("normal_force_n:f")));
             assert_eq!((rows.len(), rows[0][0], rows[2500][0]), (2501, 0.0, 5.0));
             assert!(rows.iter().flatten().all(|v| v.is_finite()));
@@ -138,26 +78,14 @@ fn both_modes_are_the_same_simulation_until_the_latch() {
     for scenario in ["claw4.toml", "claw_goals.toml"] {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("o");
-        let json = run(
-            folder.path(),
-            &data(scenario),
-            &["--push", "along", "--out", out.to_str().unwrap()],
-        )
-        .json();
+        let json = run(folder.path(), &data(scenario), &["--push", "along", "--out", out.to_str().unwrap()]).json();
         let latched = json["runs"][0]["grasp"]["latched_at_s"].as_f64().unwrap();
-        let (full, grasp) = (
-            rows(&out.join("full-along.csv")).1,
-            rows(&out.join("grasp-along.csv")).1,
-        );
+        let (full, grasp) = (rows(&out.join("full-along.csv")).1, rows(&out.join("grasp-along.csv")).1);
         let before = full.iter().take_while(|r| r[0] < latched).count();
         assert!(before > 1000);
         assert!(full[..before] == grasp[..before], "{scenario}");
         assert!(full.iter().all(|r| r[8] == 0.0));
-        assert!(
-            grasp
-                .iter()
-                .all(|r| (r[8] == 1.0) == (r[0] >= latched - 1e-9))
-        );
+        assert!(grasp.iter().all(|r| (r[8] == 1.0) == (r[0] >= latched - 1e-9)));
         assert_eq!(json["runs"][0]["compare"]["same_outcome"], true);
     }
 }
@@ -165,42 +93,21 @@ fn both_modes_are_the_same_simulation_until_the_latch() {
 #[test]
 fn one_mode_and_one_push() {
     let folder = tempfile::tempdir().unwrap();
-    let json = run(
-        folder.path(),
-        &data("claw.toml"),
-        &["--mode", "grasp", "--push", "down", "--out", "o"],
-    )
-    .json();
+    let json = run(folder.path(), &data("claw.toml"), &["--mode", "grasp", "--push", "down", "--out", "o"]).json();
     let runs = json["runs"].as_array().unwrap();
     assert_eq!(runs.len(), 1);
     assert!(runs[0]["full"].is_null() && runs[0]["compare"].is_null());
-    assert_eq!(
-        (&runs[0]["push"], &runs[0]["grasp"]["outcome"]),
-        (&"down".into(), &"held".into())
-    );
-    let files: Vec<_> = std::fs::read_dir(folder.path().join("o"))
-        .unwrap()
-        .map(|f| f.unwrap().file_name())
-        .collect();
-    assert!(
-        files.iter().any(|f| f == "grasp-down.csv") && !files.iter().any(|f| f == "full-down.csv")
-    );
+    assert_eq!((&runs[0]["push"], &runs[0]["grasp"]["outcome"]), (&"down".into(), &"held".into()));
+    let files: Vec<_> = std::fs::read_dir(folder.path().join("o")).unwrap().map(|f| f.unwrap().file_name()).collect();
+    assert!(files.iter().any(|f| f == "grasp-down.csv") && !files.iter().any(|f| f == "full-down.csv"));
 }
 
 #[test]
 fn a_push_that_is_too_strong_loses_the_target_in_both_modes() {
     let folder = tempfile::tempdir().unwrap();
-    let json = run(
-        folder.path(),
-        &data("claw.toml"),
-        &["--push", "along", "--scale-push", "4", "--out", "o"],
-    )
-    .json();
+    let json = run(folder.path(), &data("claw.toml"), &["--push", "along", "--scale-push", "4", "--out", "o"]).json();
     let pair = &json["runs"][0];
-    assert_eq!(
-        (&pair["full"]["outcome"], &pair["grasp"]["outcome"]),
-        (&"lost".into(), &"lost".into())
-    );
+    assert_eq!((&pair["full"]["outcome"], &pair["grasp"]["outcome"]), (&"lost".into(), &"lost".into()));
     assert!(pair["grasp"]["released_at_s"].as_f64().unwrap() > 3.0);
     assert!(pair["full"]["creep_m_per_s"].is_null());
 }
@@ -209,18 +116,8 @@ fn a_push_that_is_too_strong_loses_the_target_in_both_modes() {
 fn pushes_scaled_to_their_onset_are_held_below_it_and_not_above() {
     let folder = tempfile::tempdir().unwrap();
     let outcome = |share: &str| {
-        let options = [
-            "--push",
-            "along",
-            "--mode",
-            "full",
-            "--at-onset",
-            share,
-            "--out",
-            "o",
-        ];
-        run(folder.path(), &data("claw.toml"), &options).json()["runs"][0]["full"]["outcome"]
-            .clone()
+        let options = ["--push", "along", "--mode", "full", "--at-onset", share, "--out", "o"];
+        run(folder.path(), &data("claw.toml"), &options).json()["runs"][0]["full"]["outcome"].clone()
     };
     assert_eq!(outcome("0.95"), "held");
     assert_ne!(outcome("1.05"), "held");
@@ -229,19 +126,10 @@ fn pushes_scaled_to_their_onset_are_held_below_it_and_not_above() {
 #[test]
 fn a_hand_that_never_touches_is_a_result_with_a_warning() {
     let (folder, scenario) = changed_claw(&[], &[("set = {", "set = {} #")]);
-    let called = run(
-        folder.path(),
-        scenario.to_str().unwrap(),
-        &["--push", "none"],
-    );
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none"]);
     let pair = &called.json()["runs"][0];
-    assert_eq!(
-        (&pair["full"]["outcome"], &pair["grasp"]["outcome"]),
-        (&"lost".into(), &"lost".into())
-    );
-    assert!(
-        pair["grasp"]["latched_at_s"].is_null() && pair["grasp"]["quality_at_latch_n"].is_null()
-    );
+    assert_eq!((&pair["full"]["outcome"], &pair["grasp"]["outcome"]), (&"lost".into(), &"lost".into()));
+    assert!(pair["grasp"]["latched_at_s"].is_null() && pair["grasp"]["quality_at_latch_n"].is_null());
     assert_eq!(pair["full"]["normal_force_total_n"], 0.0);
     assert!(pair["compare"]["normal_force_relative_error"].is_null());
     assert!(called.stderr.contains("never latched"), "{}", called.stderr);
@@ -250,23 +138,9 @@ fn a_hand_that_never_touches_is_a_result_with_a_warning() {
 #[test]
 fn text_for_people_goes_to_standard_output_and_names_the_folder() {
     let folder = tempfile::tempdir().unwrap();
-    let called = call_in(
-        folder.path(),
-        &[
-            "run",
-            &data("claw.toml"),
-            "--push",
-            "twist",
-            "--mode",
-            "grasp",
-        ],
-    );
+    let called = call_in(folder.path(), &["run", &data("claw.toml"), "--push", "twist", "--mode", "grasp"]);
     assert_eq!(called.status, 0, "{}", called.stderr);
-    assert!(
-        called.stdout.contains("twist") && called.stdout.contains("out/claw"),
-        "{}",
-        called.stdout
-    );
+    assert!(called.stdout.contains("twist") && called.stdout.contains("out/claw"), "{}", called.stdout);
     assert_eq!(called.stderr, "", "no bar without a terminal");
 }
 
@@ -287,61 +161,30 @@ fn quality_of_a_firm_grasp() {
     ];
     assert_eq!(keys(&json), BTreeSet::from(names));
     assert_eq!(
-        (
-            &json["force_closure"],
-            &json["holds_own_weight"],
-            &json["contacts"]
-        ),
+        (&json["force_closure"], &json["holds_own_weight"], &json["contacts"]),
         (&true.into(), &true.into(), &5.into())
     );
-    for positive in [
-        "min_singular_value_n",
-        "ferrari_canny_n",
-        "hull_volume",
-        "isotropy",
-    ] {
+    for positive in ["min_singular_value_n", "ferrari_canny_n", "hull_volume", "isotropy"] {
         assert!(json[positive].as_f64().unwrap() > 0.0, "{positive}");
     }
-    assert_eq!(
-        std::fs::read_dir(folder.path()).unwrap().count(),
-        0,
-        "quality writes nothing"
-    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "quality writes nothing");
 }
 
 #[test]
 fn quality_of_no_grasp_is_zero_with_a_warning() {
     let (folder, scenario) = changed_claw(&[], &[("set = {", "set = {} #")]);
-    let called = call_in(
-        folder.path(),
-        &["quality", scenario.to_str().unwrap(), "--json"],
-    );
+    let called = call_in(folder.path(), &["quality", scenario.to_str().unwrap(), "--json"]);
     assert_eq!(called.status, 0, "{}", called.stderr);
     let json = called.json();
-    assert_eq!(
-        (&json["min_singular_value_n"], &json["contacts"]),
-        (&0.0.into(), &0.into())
-    );
-    assert_eq!(
-        (&json["force_closure"], &json["holds_own_weight"]),
-        (&false.into(), &false.into())
-    );
+    assert_eq!((&json["min_singular_value_n"], &json["contacts"]), (&0.0.into(), &0.into()));
+    assert_eq!((&json["force_closure"], &json["holds_own_weight"]), (&false.into(), &false.into()));
     assert!(called.stderr.contains("warning"), "{}", called.stderr);
 }
 
 #[test]
 fn bench_times_all_four_variants() {
     let folder = tempfile::tempdir().unwrap();
-    let called = call_in(
-        folder.path(),
-        &[
-            "bench",
-            &data("claw_goals.toml"),
-            "--json",
-            "--steps",
-            "500",
-        ],
-    );
+    let called = call_in(folder.path(), &["bench", &data("claw_goals.toml"), "--json", "--steps", "500"]);
     assert_eq!(called.status, 0, "{}", called.stderr);
     let json = called.json();
     for name in ["scenario", "engine", "nv", "still", "pushed", "ik_us"] {
@@ -353,45 +196,20 @@ fn bench_times_all_four_variants() {
         assert_eq!(b["steps"], 500);
         let time = |variant: &str, part: &str| b[variant][part].as_f64().unwrap();
         for variant in ["full", "full_noslip", "grasp", "floor"] {
-            assert!(
-                time(variant, "step_us") > time(variant, "contact_us"),
-                "{phase} {variant}"
-            );
+            assert!(time(variant, "step_us") > time(variant, "contact_us"), "{phase} {variant}");
         }
         assert!(time("floor", "step_us") < time("full", "step_us"));
-        assert!(
-            time("floor", "contact_us") < 0.5 * time("full", "contact_us"),
-            "{b}"
-        );
+        assert!(time("floor", "contact_us") < 0.5 * time("full", "contact_us"), "{b}");
         assert_eq!(b["grasp"]["unlatched_steps"], 0);
-        let close = |ratio: &str, value: f64| {
-            assert!((b["ratio"][ratio].as_f64().unwrap() - value).abs() < 1e-9)
-        };
-        close(
-            "contact",
-            time("full", "contact_us") / time("grasp", "contact_us"),
-        );
-        close(
-            "contact_noslip",
-            time("full_noslip", "contact_us") / time("grasp", "contact_us"),
-        );
+        let close = |ratio: &str, value: f64| assert!((b["ratio"][ratio].as_f64().unwrap() - value).abs() < 1e-9);
+        close("contact", time("full", "contact_us") / time("grasp", "contact_us"));
+        close("contact_noslip", time("full_noslip", "contact_us") / time("grasp", "contact_us"));
         close("step", time("full", "step_us") / time("grasp", "step_us"));
-        close(
-            "step_noslip",
-            time("full_noslip", "step_us") / time("grasp", "step_us"),
-        );
-        close(
-            "step_over_floor",
-            time("grasp", "step_us") / time("floor", "step_us"),
-        );
+        close("step_noslip", time("full_noslip", "step_us") / time("grasp", "step_us"));
+        close("step_over_floor", time("grasp", "step_us") / time("floor", "step_us"));
         for variant in ["full", "full_noslip"] {
             let solver = b[variant]["solver"].as_str().unwrap();
-            assert!(
-                ["newton", "cg", "pgs"]
-                    .iter()
-                    .any(|s| solver.starts_with(s)),
-                "{solver}"
-            );
+            assert!(["newton", "cg", "pgs"].iter().any(|s| solver.starts_with(s)), "{solver}");
         }
     }
 }

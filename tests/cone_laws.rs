@@ -86,7 +86,10 @@ fn assert_derivatives(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
         for i in 0..jar.len() {
             let difference = (down.force[i] - up.force[i]) / (2.0 * h);
             let hessian = at.hessian[i * MAX_ROWS + j];
-            prop_assert!((difference - hessian).abs() < 1e-4 * (1.0 + hessian.abs()), "{i},{j}: {difference} {hessian}");
+            prop_assert!(
+                (difference - hessian).abs() < 1e-4 * (1.0 + hessian.abs()),
+                "{i},{j}: {difference} {hessian}"
+            );
         }
     }
     Ok(())
@@ -97,7 +100,9 @@ fn assert_positive(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
     let n = jar.len();
     let h = nalgebra::DMatrix::from_fn(n, n, |i, j| at.hessian[i * MAX_ROWS + j]);
     prop_assert!((&h - h.transpose()).norm() <= 1e-12 * (1.0 + h.norm()));
-    prop_assert!(h.symmetric_eigenvalues().min() > -1e-9 * (1.0 + at.hessian.iter().fold(0.0f64, |a, b| a.max(b.abs()))));
+    prop_assert!(
+        h.symmetric_eigenvalues().min() > -1e-9 * (1.0 + at.hessian.iter().fold(0.0f64, |a, b| a.max(b.abs())))
+    );
     Ok(())
 }
 

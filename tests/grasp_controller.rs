@@ -56,7 +56,8 @@ fn both_swaps_are_bumpless() {
 /// The grasp's contact forces are those of the engine's converged solve, contact by contact, while a push moves the target.
 #[test]
 fn contact_forces_follow_the_engine_under_a_push() {
-    for (model, push) in [("claw.xml", [0.0, 1.0, 0.0]), ("claw.xml", [3.0, 0.0, 0.0]), ("claw4.xml", [-2.0, 0.0, 1.0])] {
+    for (model, push) in [("claw.xml", [0.0, 1.0, 0.0]), ("claw.xml", [3.0, 0.0, 0.0]), ("claw4.xml", [-2.0, 0.0, 1.0])]
+    {
         let mut full = Claw::closed(model);
         full.sim.set_noslip_iterations(100).expect("a number of iterations");
         full.run_in_full_mode(0.2);

@@ -3,8 +3,7 @@
 mod quality_support;
 
 use mujoco_grasp::grasp::quality::{
-    Gram, basis_wrenches, default_latch_quality, default_release_quality, isotropy,
-    min_singular_value, singular_values,
+    Gram, basis_wrenches, default_latch_quality, default_release_quality, isotropy, min_singular_value, singular_values,
 };
 use mujoco_grasp::grasp::wrench::{ContactForce, contact_radius};
 use nalgebra::{Matrix6, Vector3};
@@ -21,10 +20,7 @@ fn quality(contacts: &[ContactForce]) -> f64 {
     let gram = Gram::of(contacts, &Vector3::zeros());
     let fast = gram.min_singular_value();
     let largest = singular_values(contacts, &Vector3::zeros()).expect("a valid grasp")[0];
-    assert!(
-        (fast - reference).abs() <= 1e-7 * largest,
-        "{fast} against {reference}"
-    );
+    assert!((fast - reference).abs() <= 1e-7 * largest, "{fast} against {reference}");
     if reference > 0.0 {
         assert!(gram.exceeds(reference * (1.0 - 1e-6)));
         assert!(!gram.exceeds(reference * (1.0 + 1e-6)));
@@ -35,10 +31,7 @@ fn quality(contacts: &[ContactForce]) -> f64 {
 }
 
 fn close(value: f64, expected: f64) {
-    assert!(
-        (value - expected).abs() <= 1e-9 * expected.abs().max(1.0),
-        "{value} is not {expected}"
-    );
+    assert!((value - expected).abs() <= 1e-9 * expected.abs().max(1.0), "{value} is not {expected}");
 }
 
 #[test]
@@ -65,14 +58,7 @@ fn rolling_friction_of_two_fingers_counts_like_torsion() {
     let rolling = on_sphere(&equator(2), A, 6, [0.0, 0.0, SPIN, 0.02, 0.02], F);
     let values = singular_values(&rolling, &Vector3::zeros()).expect("a valid grasp");
     let couple = |mu: f64| 2.0 * mu / A * F;
-    for (value, expected) in values.iter().zip([
-        2f64.sqrt() * F,
-        couple(0.02),
-        couple(0.02),
-        couple(SPIN),
-        0.0,
-        0.0,
-    ]) {
+    for (value, expected) in values.iter().zip([2f64.sqrt() * F, couple(0.02), couple(0.02), couple(SPIN), 0.0, 0.0]) {
         close(*value, expected);
     }
 }
@@ -110,10 +96,7 @@ fn four_fingers_at_a_tetrahedrons_corners() {
 fn six_contacts_on_a_cubes_faces() {
     let grasp = on_sphere(&faces(), A, 3, SOFT, F);
     close(quality(&grasp), F * 2.0 * 2f64.sqrt() * MU);
-    close(
-        isotropy(&grasp, &Vector3::zeros()).expect("a valid grasp"),
-        (8.0 * MU * MU / (2.0 + 8.0 * MU * MU)).sqrt(),
-    );
+    close(isotropy(&grasp, &Vector3::zeros()).expect("a valid grasp"), (8.0 * MU * MU / (2.0 + 8.0 * MU * MU)).sqrt());
 }
 
 #[test]
@@ -135,10 +118,7 @@ fn degenerate_grasps_have_no_quality() {
     assert_eq!(quality(&[]), 0.0);
     let one = contact(Vector3::new(0.3, 0.1, 0.2), Vector3::x(), 6, SOFT, F);
     assert_eq!(quality(&[one]), 0.0);
-    let elsewhere = ContactForce {
-        normal: -one.normal,
-        ..one
-    };
+    let elsewhere = ContactForce { normal: -one.normal, ..one };
     assert_eq!(quality(&[one, elsewhere]), 0.0, "contacts on one spot");
     let unloaded: Vec<_> = on_sphere(&equator(5), A, 4, SOFT, 0.0);
     assert_eq!(quality(&unloaded), 0.0);
@@ -149,13 +129,7 @@ fn the_radius_is_the_mean_distance_and_ignores_unloaded_contacts() {
     let mut grasp = on_sphere(&equator(3), A, 3, SOFT, F);
     close(contact_radius(&grasp), A);
     let before = quality(&grasp);
-    grasp.push(contact(
-        Vector3::new(1.0, 0.0, 0.0),
-        -Vector3::x(),
-        3,
-        SOFT,
-        0.0,
-    ));
+    grasp.push(contact(Vector3::new(1.0, 0.0, 0.0), -Vector3::x(), 3, SOFT, 0.0));
     close(contact_radius(&grasp), A);
     close(quality(&grasp), before);
 }
@@ -197,13 +171,7 @@ fn grasps_that_can_just_carry_the_target_reach_the_default_threshold() {
     for n in [3, 4, 5, 10, 20] {
         for mu in [0.2, 0.5, 1.0] {
             let force = weight / (n as f64 * mu);
-            let q = quality(&on_sphere(
-                &equator(n),
-                A,
-                3,
-                [mu, mu, 0.0, 0.0, 0.0],
-                force,
-            ));
+            let q = quality(&on_sphere(&equator(n), A, 3, [mu, mu, 0.0, 0.0, 0.0], force));
             close(q, weight / (n as f64).sqrt());
             assert!(q > latch);
         }

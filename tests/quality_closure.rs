@@ -2,9 +2,7 @@
 
 mod quality_support;
 
-use mujoco_grasp::grasp::closure::{
-    BalancingForce, NormalForces, equilibrium, force_closure, load_factor,
-};
+use mujoco_grasp::grasp::closure::{BalancingForce, NormalForces, equilibrium, force_closure, load_factor};
 use mujoco_grasp::grasp::quality::ferrari_canny;
 use mujoco_grasp::grasp::wrench::ContactForce;
 use nalgebra::{Rotation3, Vector3, Vector6};
@@ -16,11 +14,7 @@ fn closed(contacts: &[ContactForce]) -> bool {
     force_closure(contacts, &Vector3::zeros()).expect("a verified answer")
 }
 
-fn balance(
-    contacts: &[ContactForce],
-    external: &Vector6<f64>,
-    limit: NormalForces,
-) -> Option<Vec<BalancingForce>> {
+fn balance(contacts: &[ContactForce], external: &Vector6<f64>, limit: NormalForces) -> Option<Vec<BalancingForce>> {
     let com = Vector3::zeros();
     let forces = equilibrium(contacts, &com, external, limit).expect("a verified answer")?;
     // Whatever was asked: the forces balance, and respect every cone and bound.
@@ -28,9 +22,7 @@ fn balance(
     let mut total = *external;
     for (c, f) in contacts.iter().zip(&forces) {
         let torque = c.position.cross(&f.force) + f.torque;
-        total += Vector6::new(
-            f.force.x, f.force.y, f.force.z, torque.x, torque.y, torque.z,
-        );
+        total += Vector6::new(f.force.x, f.force.y, f.force.z, torque.x, torque.y, torque.z);
         let pressed = f.force.dot(&c.normal);
         let parts = [
             f.force.dot(&c.tangents[0]),
@@ -71,13 +63,7 @@ fn tilted(angle: f64, condim: usize, friction: [f64; 5]) -> Vec<ContactForce> {
         .map(|&side| {
             let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), side * angle);
             let normal = turn * Vector3::new(-side, 0.0, 0.0);
-            contact(
-                Vector3::new(0.03 * side, 0.0, 0.0),
-                normal,
-                condim,
-                friction,
-                1.0,
-            )
+            contact(Vector3::new(0.03 * side, 0.0, 0.0), normal, condim, friction, 1.0)
         })
         .collect()
 }
@@ -85,13 +71,9 @@ fn tilted(angle: f64, condim: usize, friction: [f64; 5]) -> Vec<ContactForce> {
 #[test]
 fn soft_antipodal_fingers_close_exactly_while_their_line_is_within_both_cones() {
     let edge = SOFT[0].atan();
-    for (angle, expected) in [
-        (0.0, true),
-        (0.9 * edge, true),
-        (0.999 * edge, true),
-        (1.001 * edge, false),
-        (1.2 * edge, false),
-    ] {
+    for (angle, expected) in
+        [(0.0, true), (0.9 * edge, true), (0.999 * edge, true), (1.001 * edge, false), (1.2 * edge, false)]
+    {
         assert_eq!(closed(&tilted(angle, 4, SOFT)), expected, "at {angle}");
         assert_eq!(closed(&tilted(-angle, 6, SOFT)), expected, "at {angle}");
         assert!(!closed(&tilted(angle, 3, SOFT)), "hard fingers, rank 5");
@@ -103,10 +85,7 @@ fn soft_antipodal_fingers_close_exactly_while_their_line_is_within_both_cones() 
 fn hard_fingers_close_from_three_on() {
     for n in [3, 4, 5, 9] {
         assert!(closed(&on_sphere(&equator(n), 0.04, 3, SOFT, 1.0)));
-        assert!(
-            !closed(&on_sphere(&equator(n), 0.04, 1, SOFT, 1.0)),
-            "frictionless"
-        );
+        assert!(!closed(&on_sphere(&equator(n), 0.04, 1, SOFT, 1.0)), "frictionless");
     }
     assert!(closed(&on_sphere(&tetrahedron(), 0.04, 3, SOFT, 1.0)));
     assert!(closed(&on_sphere(&faces(), 0.04, 3, SOFT, 1.0)));
@@ -190,20 +169,10 @@ fn the_least_normal_forces_that_carry_a_weight() {
     // Three fingers around an equator: 3 mu f = W.
     let grasp = on_sphere(&equator(3), 0.04, 3, SOFT, 1.0);
     let forces = balance(&grasp, &force(0.0, 0.0, -3.0), NormalForces::Unlimited).expect("held");
-    let total: f64 = grasp
-        .iter()
-        .zip(&forces)
-        .map(|(c, f)| c.normal.dot(&f.force))
-        .sum();
+    let total: f64 = grasp.iter().zip(&forces).map(|(c, f)| c.normal.dot(&f.force)).sum();
     assert!((total - 3.0 / SOFT[0]).abs() < 1e-5, "{total}");
     // A palm holds what presses on it, and by friction what pulls along it, but nothing that pulls away.
-    let palm = [contact(
-        Vector3::new(0.0, 0.0, -0.03),
-        Vector3::z(),
-        3,
-        SOFT,
-        1.0,
-    )];
+    let palm = [contact(Vector3::new(0.0, 0.0, -0.03), Vector3::z(), 3, SOFT, 1.0)];
     let forces = balance(&palm, &force(0.0, 0.0, -2.0), NormalForces::Unlimited).expect("held");
     assert!((forces[0].force - Vector3::new(0.0, 0.0, 2.0)).norm() < 1e-6);
     assert!(balance(&palm, &force(0.0, 0.0, 2.0), NormalForces::Unlimited).is_none());
@@ -217,10 +186,7 @@ fn the_load_factor_is_the_live_friction_over_the_weight() {
         let load = force(0.0, 0.0, -weight);
         let factor = load_factor(&grasp, &Vector3::zeros(), &load).expect("a verified answer");
         let expected = 3.0 * SOFT[0] * f / weight;
-        assert!(
-            (factor / expected - 1.0).abs() < 1e-5,
-            "{factor} is not {expected}"
-        );
+        assert!((factor / expected - 1.0).abs() < 1e-5, "{factor} is not {expected}");
         let held = balance(&grasp, &load, NormalForces::Live).is_some();
         assert_eq!(held, expected >= 1.0);
         assert!(balance(&grasp, &load, NormalForces::Unlimited).is_some());
@@ -245,10 +211,7 @@ fn torsion_carries_what_its_coefficient_says() {
 fn unloaded_contacts_hold_nothing_by_live_forces() {
     let grasp = on_sphere(&equator(4), 0.04, 4, SOFT, 0.0);
     let weight = force(0.0, 0.0, -1.0);
-    assert_eq!(
-        load_factor(&grasp, &Vector3::zeros(), &weight).expect("verified"),
-        0.0
-    );
+    assert_eq!(load_factor(&grasp, &Vector3::zeros(), &weight).expect("verified"), 0.0);
     assert!(balance(&grasp, &weight, NormalForces::Live).is_none());
     assert!(balance(&[], &weight, NormalForces::Unlimited).is_none());
 }
@@ -259,16 +222,9 @@ fn without_an_external_wrench_nothing_is_needed() {
     let none = Vector6::zeros();
     for limit in [NormalForces::Unlimited, NormalForces::Live] {
         let forces = balance(&grasp, &none, limit).expect("held");
-        assert!(
-            forces
-                .iter()
-                .all(|f| f.force.norm() == 0.0 && f.torque.norm() == 0.0)
-        );
+        assert!(forces.iter().all(|f| f.force.norm() == 0.0 && f.torque.norm() == 0.0));
     }
-    assert_eq!(
-        load_factor(&grasp, &Vector3::zeros(), &none).expect("verified"),
-        f64::INFINITY
-    );
+    assert_eq!(load_factor(&grasp, &Vector3::zeros(), &none).expect("verified"), f64::INFINITY);
 }
 
 /// Live forces of a target at rest are themselves an equilibrium: the factor is at least 1 whatever the geometry.
@@ -295,10 +251,7 @@ fn forces_that_balance_a_wrench_are_found_to_balance_it() {
             })
             .collect();
         let com = Vector3::zeros();
-        let external = -contacts
-            .iter()
-            .map(|c| c.wrench_about(&com))
-            .sum::<Vector6<f64>>();
+        let external = -contacts.iter().map(|c| c.wrench_about(&com)).sum::<Vector6<f64>>();
         let factor = load_factor(&contacts, &com, &external).expect("a verified answer");
         assert!(factor > 1.0 - 1e-5, "round {round}: {factor}");
         assert!(balance(&contacts, &external, NormalForces::Live).is_some());
@@ -317,9 +270,6 @@ fn a_hard_pinch_pulled_in_any_direction_of_a_plane() {
         // for no torque: each mu n_i >= s |sin| / 2, n1 <= 1.
         let (c, s) = (angle.cos().abs(), angle.sin().abs());
         let expected = 1.0 / (c + s / (2.0 * SOFT[0]));
-        assert!(
-            (factor - expected).abs() < 1e-5,
-            "{factor} is not {expected}"
-        );
+        assert!((factor - expected).abs() < 1e-5, "{factor} is not {expected}");
     }
 }

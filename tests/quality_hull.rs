@@ -10,10 +10,7 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 use quality_support::{Random, contact, equator, faces, on_sphere};
 
 fn close(value: f64, expected: f64, tolerance: f64) {
-    assert!(
-        (value - expected).abs() <= tolerance * expected.abs().max(1e-9),
-        "{value} is not {expected}"
-    );
+    assert!((value - expected).abs() <= tolerance * expected.abs().max(1e-9), "{value} is not {expected}");
 }
 
 fn hull(points: &[Vector6<f64>]) -> ConvexHull {
@@ -31,9 +28,7 @@ fn cross_polytope() -> Vec<Vector6<f64>> {
 }
 
 fn hypercube() -> Vec<Vector6<f64>> {
-    (0..64u32)
-        .map(|bits| Vector6::from_fn(|k, _| if bits >> k & 1 == 1 { 1.0 } else { -1.0 }))
-        .collect()
+    (0..64u32).map(|bits| Vector6::from_fn(|k, _| if bits >> k & 1 == 1 { 1.0 } else { -1.0 })).collect()
 }
 
 /// The largest s with `s u` in the hull of `points`, by linear programming: no facet is ever formed.
@@ -56,10 +51,7 @@ fn reach(points: &[Vector6<f64>], u: &Vector6<f64>) -> f64 {
     let mut q = vec![0.0; n + 1];
     q[n] = -1.0;
     let a = CscMatrix::from(&rows);
-    let settings = DefaultSettings {
-        verbose: false,
-        ..DefaultSettings::default()
-    };
+    let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
     let p = CscMatrix::zeros((n + 1, n + 1));
     let cones = [ZeroConeT(7), NonnegativeConeT(n)];
     let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings).expect("a valid program");
@@ -68,10 +60,7 @@ fn reach(points: &[Vector6<f64>], u: &Vector6<f64>) -> f64 {
 }
 
 fn support(points: &[Vector6<f64>], u: &Vector6<f64>) -> f64 {
-    points
-        .iter()
-        .map(|p| p.dot(u))
-        .fold(f64::NEG_INFINITY, f64::max)
+    points.iter().map(|p| p.dot(u)).fold(f64::NEG_INFINITY, f64::max)
 }
 
 #[test]
@@ -112,34 +101,18 @@ fn affine_maps_scale_the_volume_and_thin_hulls_stay_exact() {
     let mut random = Random::new(9);
     let thin = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1e-2, 1e-3, 1e-4));
     let points: Vec<_> = cross_polytope().iter().map(|p| thin * p).collect();
-    let expected = (0..6)
-        .map(|k| thin[(k, k)].powi(-2))
-        .sum::<f64>()
-        .powf(-0.5);
+    let expected = (0..6).map(|k| thin[(k, k)].powi(-2)).sum::<f64>().powf(-0.5);
     close(hull(&points).inner_radius(), expected, 1e-9);
     close(hull(&points).volume(), 64.0 / 720.0 * 1e-9, 1e-9);
     let shear = Matrix6::from_fn(|_, _| random.normal());
     let points: Vec<_> = hypercube().iter().map(|p| shear * p).collect();
-    close(
-        hull(&points).volume(),
-        64.0 * shear.determinant().abs(),
-        1e-6,
-    );
+    close(hull(&points).volume(), 64.0 * shear.determinant().abs(), 1e-6);
 }
 
 #[test]
 fn flat_and_empty_sets_have_neither_ball_nor_volume() {
-    let flat: Vec<_> = hypercube()
-        .iter()
-        .map(|p| Vector6::new(p[0], p[1], p[2], p[3], p[4], p[0] + p[1]))
-        .collect();
-    for points in [
-        vec![],
-        vec![unit(0)],
-        cross_polytope()[..6].to_vec(),
-        flat,
-        vec![unit(3); 40],
-    ] {
+    let flat: Vec<_> = hypercube().iter().map(|p| Vector6::new(p[0], p[1], p[2], p[3], p[4], p[0] + p[1])).collect();
+    for points in [vec![], vec![unit(0)], cross_polytope()[..6].to_vec(), flat, vec![unit(3); 40]] {
         let hull = hull(&points);
         assert_eq!((hull.inner_radius(), hull.volume()), (0.0, 0.0));
         assert!(hull.facets().is_empty());
@@ -157,10 +130,7 @@ fn an_origin_outside_has_no_ball_but_a_volume() {
 fn a_point_that_is_not_finite_is_named() {
     let mut points = cross_polytope();
     points[4][1] = f64::NAN;
-    assert_eq!(
-        ConvexHull::new(&points),
-        Err(HullError::NotFinite { point: 4 })
-    );
+    assert_eq!(ConvexHull::new(&points), Err(HullError::NotFinite { point: 4 }));
 }
 
 /// Every point of the hull is below every facet, so no facet is too low; and by linear programming each facet's nearest
@@ -179,10 +149,7 @@ fn facets_of_random_grasps_agree_with_linear_programming() {
         }
         let epsilon = hull.inner_radius();
         if epsilon > 0.0 {
-            let nearest = hull
-                .facets()
-                .iter()
-                .min_by(|a, b| a.offset.total_cmp(&b.offset));
+            let nearest = hull.facets().iter().min_by(|a, b| a.offset.total_cmp(&b.offset));
             let u = nearest.expect("it has facets").normal;
             close(reach(&points, &u), epsilon, 1e-5);
         }
@@ -210,18 +177,12 @@ fn epsilon_of_a_soft_pinch_is_below_its_weakest_axis_and_every_support() {
     let pinch = on_sphere(&equator(2), a, 4, [mu, mu, spin, 0.0, 0.0], f);
     let epsilon = ferrari_canny(&pinch, &Vector3::zeros()).expect("a valid grasp");
     assert!(epsilon > 0.0);
-    let h = |u: &Vector6<f64>| {
-        support(
-            &primitive_wrenches(&pinch, &Vector3::zeros()).expect("valid"),
-            u,
-        )
-    };
+    let h = |u: &Vector6<f64>| support(&primitive_wrenches(&pinch, &Vector3::zeros()).expect("valid"), u);
     close(h(&unit(3)), spin / a * f, 1e-12);
     assert!(epsilon <= spin / a * f + 1e-12);
     let mut random = Random::new(4);
-    let least = (0..20000)
-        .map(|_| h(&Vector6::from_fn(|_, _| random.normal()).normalize()))
-        .fold(f64::INFINITY, f64::min);
+    let least =
+        (0..20000).map(|_| h(&Vector6::from_fn(|_, _| random.normal()).normalize())).fold(f64::INFINITY, f64::min);
     assert!(epsilon <= least);
 }
 
@@ -242,10 +203,7 @@ fn epsilon_of_six_contacts_on_a_cube_is_below_every_axis() {
 #[test]
 fn hard_pinches_and_open_palms_have_no_epsilon() {
     let pinch = on_sphere(&equator(2), 0.03, 3, [1.0, 1.0, 0.0, 0.0, 0.0], 2.0);
-    assert_eq!(
-        ferrari_canny(&pinch, &Vector3::zeros()).expect("a valid grasp"),
-        0.0
-    );
+    assert_eq!(ferrari_canny(&pinch, &Vector3::zeros()).expect("a valid grasp"), 0.0);
     // Contacts that all press the same way lie in one hyperplane if they press alike, else they have a volume.
     let palm = |uneven: f64| -> Vec<_> {
         [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)]
@@ -312,11 +270,7 @@ fn nearly_symmetric_contacts_close_whatever_the_noise() {
     let mut random = Random::new(77);
     let friction = [1.0, 1.0, 0.005, 0.0001, 0.0001];
     for exponent in 0..16 {
-        let noise = if exponent == 0 {
-            0.0
-        } else {
-            10f64.powi(-exponent)
-        };
+        let noise = if exponent == 0 { 0.0 } else { 10f64.powi(-exponent) };
         for condim in [3, 4, 6] {
             let mut contacts = on_sphere(&faces(), 0.04, condim, friction, 1.0);
             for side in [-1.0, 1.0] {
@@ -331,10 +285,7 @@ fn nearly_symmetric_contacts_close_whatever_the_noise() {
                 c.normal_force *= 1.0 + noise * random.normal() * 0.1;
             }
             let jittered = ferrari_canny(&contacts, &Vector3::zeros()).expect("the hull closes");
-            assert!(
-                (exact - jittered).abs() <= 2.0 * noise + 1e-5 * exact,
-                "{exact} {jittered}"
-            );
+            assert!((exact - jittered).abs() <= 2.0 * noise + 1e-5 * exact, "{exact} {jittered}");
         }
     }
 }

@@ -17,21 +17,13 @@ fn turned(v: &Vector6<f64>, turn: &Rotation3<f64>) -> Vector6<f64> {
 
 fn numbers(q: &QualityReport) -> [f64; 4] {
     // The volume's sixth root, as all others in newtons.
-    [
-        q.min_singular_value_n,
-        q.ferrari_canny_n,
-        q.hull_volume.powf(1.0 / 6.0),
-        q.isotropy,
-    ]
+    [q.min_singular_value_n, q.ferrari_canny_n, q.hull_volume.powf(1.0 / 6.0), q.isotropy]
 }
 
 fn same(a: &QualityReport, b: &QualityReport, scale: f64) {
     for (k, (x, y)) in numbers(a).into_iter().zip(numbers(b)).enumerate() {
         let factor = if k == 3 { 1.0 } else { scale };
-        assert!(
-            (x * factor - y).abs() <= 1e-5 * (y.abs() + 1e-3),
-            "measure {k}: {x} * {factor} is not {y}"
-        );
+        assert!((x * factor - y).abs() <= 1e-5 * (y.abs() + 1e-3), "measure {k}: {x} * {factor} is not {y}");
     }
     assert_eq!(a.force_closure, b.force_closure);
     assert_eq!(a.contacts, b.contacts);

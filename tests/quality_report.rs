@@ -18,12 +18,7 @@ fn the_json_has_the_contracts_fields() {
     let grasp = on_sphere(&equator(5), 0.04, 3, SOFT, 1.0);
     let report = report(&grasp, &Vector3::zeros(), &weight(1.962)).expect("a valid grasp");
     let json = serde_json::to_value(report).expect("a report is JSON");
-    let names: Vec<_> = json
-        .as_object()
-        .expect("an object")
-        .keys()
-        .cloned()
-        .collect();
+    let names: Vec<_> = json.as_object().expect("an object").keys().cloned().collect();
     for name in [
         "min_singular_value_n",
         "ferrari_canny_n",
@@ -45,11 +40,7 @@ fn the_json_has_the_contracts_fields() {
 #[test]
 fn a_weight_is_held_up_to_the_live_friction() {
     let grasp = on_sphere(&equator(5), 0.04, 3, SOFT, 1.0);
-    let holds = |newtons| {
-        report(&grasp, &Vector3::zeros(), &weight(newtons))
-            .expect("a valid grasp")
-            .holds_own_weight
-    };
+    let holds = |newtons| report(&grasp, &Vector3::zeros(), &weight(newtons)).expect("a valid grasp").holds_own_weight;
     let most = 5.0 * SOFT[0];
     assert!(holds(0.98 * most));
     assert!(!holds(1.02 * most));
@@ -74,24 +65,12 @@ fn many_contacts_on_flat_faces_as_boxes_give_them() {
     // A box between two pads, four cohedral contacts each, and a thumb: symmetric, cohedral, and repeated points.
     let mut contacts = Vec::new();
     for side in [-1.0, 1.0] {
-        for (y, z) in [
-            (1.0, 1.0),
-            (1.0, -1.0),
-            (-1.0, 1.0),
-            (-1.0, -1.0),
-            (1.0, 1.0),
-        ] {
+        for (y, z) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, 1.0)] {
             let at = Vector3::new(0.02 * side, 0.01 * y, 0.01 * z);
             contacts.push(contact(at, Vector3::new(-side, 0.0, 0.0), 4, SOFT, 0.5));
         }
     }
-    contacts.push(contact(
-        Vector3::new(0.0, 0.03, 0.0),
-        -Vector3::y(),
-        6,
-        SOFT,
-        0.1,
-    ));
+    contacts.push(contact(Vector3::new(0.0, 0.03, 0.0), -Vector3::y(), 6, SOFT, 0.1));
     let report = report(&contacts, &Vector3::zeros(), &weight(1.0)).expect("a valid grasp");
     assert!(report.force_closure && report.holds_own_weight);
     assert!(report.ferrari_canny_n > 0.0 && report.hull_volume > 0.0);
@@ -103,68 +82,22 @@ fn faults_name_the_contact_and_what_would_be_right() {
     let sound = contact(Vector3::x(), -Vector3::x(), 4, SOFT, 1.0);
     let nan = f64::NAN;
     let cases: [(ContactForce, &str); 7] = [
-        (
-            ContactForce {
-                normal_force: -1.0,
-                ..sound
-            },
-            "it must be 0 or more",
-        ),
-        (
-            ContactForce {
-                normal_force: nan,
-                ..sound
-            },
-            "its normal force is not finite",
-        ),
-        (
-            ContactForce { condim: 2, ..sound },
-            "condim is 2; it must be 1, 3, 4 or 6",
-        ),
-        (
-            ContactForce {
-                normal: Vector3::x() * 1.1,
-                ..sound
-            },
-            "not orthonormal",
-        ),
-        (
-            ContactForce {
-                friction: [0.5, -0.5, 0.0, 0.0, 0.0],
-                ..sound
-            },
-            "coefficient 1 is -0.5",
-        ),
-        (
-            ContactForce {
-                friction: [0.5, 0.5, nan, 0.0, 0.0],
-                ..sound
-            },
-            "its friction is not finite",
-        ),
-        (
-            ContactForce {
-                position: Vector3::repeat(nan),
-                ..sound
-            },
-            "its position is not finite",
-        ),
+        (ContactForce { normal_force: -1.0, ..sound }, "it must be 0 or more"),
+        (ContactForce { normal_force: nan, ..sound }, "its normal force is not finite"),
+        (ContactForce { condim: 2, ..sound }, "condim is 2; it must be 1, 3, 4 or 6"),
+        (ContactForce { normal: Vector3::x() * 1.1, ..sound }, "not orthonormal"),
+        (ContactForce { friction: [0.5, -0.5, 0.0, 0.0, 0.0], ..sound }, "coefficient 1 is -0.5"),
+        (ContactForce { friction: [0.5, 0.5, nan, 0.0, 0.0], ..sound }, "its friction is not finite"),
+        (ContactForce { position: Vector3::repeat(nan), ..sound }, "its position is not finite"),
     ];
     for (bad, expected) in cases {
         let fault = report(&[sound, bad], &Vector3::zeros(), &weight(1.0)).expect_err(expected);
         let text = fault.to_string();
-        assert!(
-            text.contains(expected) && text.contains("contact 1"),
-            "{text}"
-        );
+        assert!(text.contains(expected) && text.contains("contact 1"), "{text}");
         assert!(matches!(fault, QualityError::Contact(_)));
     }
     // Coefficients beyond the condim are not looked at.
-    let hard = ContactForce {
-        condim: 3,
-        friction: [0.5, 0.5, nan, nan, nan],
-        ..sound
-    };
+    let hard = ContactForce { condim: 3, friction: [0.5, 0.5, nan, nan, nan], ..sound };
     assert!(report(&[hard], &Vector3::zeros(), &weight(1.0)).is_ok());
     assert!(matches!(hard.check(0), Ok::<(), ContactError>(())));
     let com = Vector3::new(0.0, nan, 0.0);

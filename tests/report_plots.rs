@@ -1,8 +1,7 @@
 //! Plots, scatter plots and tables: what they must contain, and what they make of incomplete numbers.
 
 use mujoco_grasp::report::{
-    BenchRow, BenchTable, Mark, MotionPlot, PointSet, Push, ReportError, Scatter, Threshold,
-    Timing, Trace,
+    BenchRow, BenchTable, Mark, MotionPlot, PointSet, Push, ReportError, Scatter, Threshold, Timing, Trace,
 };
 
 fn trace(label: &str, n: usize) -> Trace {
@@ -20,19 +19,9 @@ fn trace(label: &str, n: usize) -> Trace {
 fn plot() -> MotionPlot {
     MotionPlot {
         title: "clutch <fp1> & co".to_owned(),
-        push: Some(Push {
-            start_s: 0.4,
-            end_s: 0.6,
-            label: "fp1 (0, -9.5, 0) N".to_owned(),
-        }),
-        marks: vec![Mark {
-            time_s: 0.25,
-            label: "latched".to_owned(),
-        }],
-        thresholds: vec![Threshold {
-            quality_n: 0.2,
-            label: "Q_Th".to_owned(),
-        }],
+        push: Some(Push { start_s: 0.4, end_s: 0.6, label: "fp1 (0, -9.5, 0) N".to_owned() }),
+        marks: vec![Mark { time_s: 0.25, label: "latched".to_owned() }],
+        thresholds: vec![Threshold { quality_n: 0.2, label: "Q_Th".to_owned() }],
         traces: vec![trace("full", 101), trace("grasp", 101)],
         ..MotionPlot::default()
     }
@@ -51,17 +40,11 @@ fn texts(svg: &str) -> Vec<String> {
 /// Curves of a colour (`#RRGGBB`), as points.
 fn polylines(svg: &str, color: &str) -> Vec<Vec<(f64, f64)>> {
     let stroke = format!("stroke=\"{color}\"");
-    let of_color = svg
-        .split("<polyline")
-        .skip(1)
-        .filter(|e| e[..e.find("/>").unwrap_or(0)].contains(&stroke));
+    let of_color = svg.split("<polyline").skip(1).filter(|e| e[..e.find("/>").unwrap_or(0)].contains(&stroke));
     let points = |e: &str| {
         let from = e.find("points=\"").expect("points") + 8;
         let text = &e[from..from + e[from..].find('"').expect("end of points")];
-        let pair = |p: &str| {
-            p.split_once(',')
-                .map(|(x, y)| (x.parse().expect("x"), y.parse().expect("y")))
-        };
+        let pair = |p: &str| p.split_once(',').map(|(x, y)| (x.parse().expect("x"), y.parse().expect("y")));
         text.split_whitespace().filter_map(pair).collect()
     };
     of_color.map(points).collect()
@@ -87,20 +70,10 @@ fn every_quantity_has_its_name_and_unit_and_the_legend_names_everything() {
         "latched at 0.25 s",
         "Q_Th = 0.2 N",
     ] {
-        assert!(
-            texts.iter().any(|t| t == wanted),
-            "no {wanted:?} among {texts:?}"
-        );
+        assert!(texts.iter().any(|t| t == wanted), "no {wanted:?} among {texts:?}");
     }
-    assert_eq!(
-        texts.iter().filter(|t| *t == "time [s]").count(),
-        7,
-        "one per panel"
-    );
-    assert!(
-        svg.contains("clutch &lt;fp1&gt; &amp; co"),
-        "the title is escaped"
-    );
+    assert_eq!(texts.iter().filter(|t| *t == "time [s]").count(), 7, "one per panel");
+    assert!(svg.contains("clutch &lt;fp1&gt; &amp; co"), "the title is escaped");
 }
 
 #[test]
@@ -112,11 +85,7 @@ fn nan_leaves_a_gap_in_its_own_curve_only() {
     }
     plot.traces[1].rotation_deg[60] = f64::INFINITY;
     let svg = plot.svg().expect("a plot with gaps");
-    assert_eq!(
-        polylines(&svg, GRASP).len(),
-        whole + 2,
-        "two gaps split one curve into three"
-    );
+    assert_eq!(polylines(&svg, GRASP).len(), whole + 2, "two gaps split one curve into three");
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
 }
 
@@ -138,31 +107,19 @@ fn nothing_to_draw_is_an_error_and_not_an_empty_picture() {
         other => panic!("expected an error, got {other:?}"),
     };
     empty(MotionPlot::default());
-    let one = MotionPlot {
-        traces: vec![trace("full", 1)],
-        ..MotionPlot::default()
-    };
+    let one = MotionPlot { traces: vec![trace("full", 1)], ..MotionPlot::default() };
     assert!(empty(one).contains("two times"));
     let mut bad = plot();
     for trace in &mut bad.traces {
-        trace
-            .position_mm
-            .iter_mut()
-            .for_each(|p| *p = [f64::NAN; 3]);
+        trace.position_mm.iter_mut().for_each(|p| *p = [f64::NAN; 3]);
         trace.rotation_deg.clear();
         trace.normal_force_n.fill(f64::INFINITY);
         trace.quality_n.fill(f64::NAN);
     }
     assert!(empty(bad).contains("finite"));
-    let elsewhere = MotionPlot {
-        window_s: Some((5.0, 6.0)),
-        ..plot()
-    };
+    let elsewhere = MotionPlot { window_s: Some((5.0, 6.0)), ..plot() };
     empty(elsewhere);
-    let backwards = MotionPlot {
-        window_s: Some((1.0, 0.0)),
-        ..plot()
-    };
+    let backwards = MotionPlot { window_s: Some((1.0, 0.0)), ..plot() };
     empty(backwards);
 }
 
@@ -170,10 +127,7 @@ fn nothing_to_draw_is_an_error_and_not_an_empty_picture() {
 fn a_column_of_the_wrong_length_is_named() {
     let mut plot = plot();
     plot.traces[1].normal_force_n.pop();
-    let message = plot
-        .svg()
-        .expect_err("100 values for 101 times")
-        .to_string();
+    let message = plot.svg().expect_err("100 values for 101 times").to_string();
     for part in ["grasp", "normal_force_n", "100", "101"] {
         assert!(message.contains(part), "{message}");
     }
@@ -184,15 +138,9 @@ fn an_event_without_a_time_is_named() {
     let mut bad = plot();
     bad.marks[0].time_s = f64::NAN;
     let message = bad.svg().expect_err("no time").to_string();
-    assert!(
-        message.contains("latched") && message.contains("NaN"),
-        "{message}"
-    );
+    assert!(message.contains("latched") && message.contains("NaN"), "{message}");
     for limit in [f64::NAN, f64::INFINITY] {
-        let bad = MotionPlot {
-            motion_limit_mm: Some(limit),
-            ..plot()
-        };
+        let bad = MotionPlot { motion_limit_mm: Some(limit), ..plot() };
         let message = bad.svg().expect_err("no limit").to_string();
         assert!(message.contains("motion_limit_mm"), "{message}");
     }
@@ -201,9 +149,7 @@ fn an_event_without_a_time_is_named() {
 #[test]
 fn a_fall_is_cut_at_the_motion_limit() {
     let mut plot = plot();
-    let fallen: Vec<[f64; 3]> = (0..101)
-        .map(|i| [0.0, -f64::from(i).powi(2), 0.0])
-        .collect();
+    let fallen: Vec<[f64; 3]> = (0..101).map(|i| [0.0, -f64::from(i).powi(2), 0.0]).collect();
     plot.traces[1].position_mm = fallen;
     plot.motion_limit_mm = Some(20.0);
     let svg = plot.svg().expect("a plot");
@@ -222,29 +168,17 @@ fn a_picture_shows_what_the_document_does() {
     assert_eq!(picture.dimensions(), (2 * 1180, 2 * 1080));
     let count = |color: [u8; 3]| picture.pixels().filter(|p| p.0 == color).count();
     assert!(count([205, 70, 0]) > 1000, "the grasp's curves");
-    assert!(
-        count([126, 192, 238]) > 1000,
-        "the full solve's, not hidden under the grasp's"
-    );
+    assert!(count([126, 192, 238]) > 1000, "the full solve's, not hidden under the grasp's");
     assert!(count([248, 236, 200]) > 100_000, "the push");
     let svg = folder.path().join("motion.svg");
     plot().save(&svg).expect("saved");
-    assert_eq!(
-        std::fs::read_to_string(&svg).expect("text"),
-        plot().svg().expect("svg")
-    );
+    assert_eq!(std::fs::read_to_string(&svg).expect("text"), plot().svg().expect("svg"));
 }
 
 #[test]
 fn names_and_places_that_cannot_be_written_are_errors() {
-    let message = plot()
-        .save("motion.gif")
-        .expect_err("no such format")
-        .to_string();
-    assert!(
-        message.contains("motion.gif") && message.contains(".svg"),
-        "{message}"
-    );
+    let message = plot().save("motion.gif").expect_err("no such format").to_string();
+    assert!(message.contains("motion.gif") && message.contains(".svg"), "{message}");
     for name in ["/nonexistent-folder/a.svg", "/nonexistent-folder/a.png"] {
         let error = plot().save(name).expect_err("no such folder");
         assert!(matches!(error, ReportError::Write { .. }), "{error:?}");
@@ -257,10 +191,7 @@ fn scatter(log: bool, points: Vec<(f64, f64)>) -> Scatter {
         title: "peak motion".to_owned(),
         x_label: "full [mm]".to_owned(),
         y_label: "grasp [mm]".to_owned(),
-        sets: vec![PointSet {
-            label: "held".to_owned(),
-            points,
-        }],
+        sets: vec![PointSet { label: "held".to_owned(), points }],
         log,
     }
 }
@@ -270,15 +201,10 @@ fn equal_values_lie_on_the_diagonal_of_a_scatter_plot() {
     for log in [false, true] {
         let svg = scatter(log, vec![(0.1, 0.1), (1.0, 1.0), (30.0, 30.0), (30.0, 0.1)]).svg();
         let svg = svg.expect("a plot");
-        let circles: Vec<(f64, f64)> = svg
-            .split("<circle")
-            .skip(1)
-            .map(|e| (attribute(e, "cx"), attribute(e, "cy")))
-            .collect();
+        let circles: Vec<(f64, f64)> =
+            svg.split("<circle").skip(1).map(|e| (attribute(e, "cx"), attribute(e, "cy"))).collect();
         // The last circle but the legend's is off the diagonal and spans the other points' square.
-        let [a, b, c, d] = circles[..4] else {
-            panic!("{circles:?}")
-        };
+        let [a, b, c, d] = circles[..4] else { panic!("{circles:?}") };
         assert_eq!((d.0, d.1), (c.0, a.1));
         let slope = (c.1 - a.1) / (c.0 - a.0);
         let on_diagonal = a.1 + slope * (b.0 - a.0);
@@ -291,9 +217,7 @@ fn equal_values_lie_on_the_diagonal_of_a_scatter_plot() {
 
 fn attribute(element: &str, name: &str) -> f64 {
     let from = element.find(&format!("{name}=\"")).expect("the attribute") + name.len() + 2;
-    element[from..from + element[from..].find('"').expect("its end")]
-        .parse()
-        .expect("a number")
+    element[from..from + element[from..].find('"').expect("its end")].parse().expect("a number")
 }
 
 #[test]
@@ -301,18 +225,10 @@ fn points_that_cannot_be_shown_are_counted_and_none_is_an_error() {
     let points = vec![(1.0, 2.0), (0.0, 1.0), (f64::NAN, 1.0), (-1.0, 2.0)];
     let left_out = |log| {
         let svg = scatter(log, points.clone()).svg().expect("a plot");
-        texts(&svg)
-            .into_iter()
-            .find(|t| t.starts_with("points left out"))
+        texts(&svg).into_iter().find(|t| t.starts_with("points left out"))
     };
-    assert_eq!(
-        left_out(true).as_deref(),
-        Some("points left out: 3 (not positive or not finite)")
-    );
-    assert_eq!(
-        left_out(false).as_deref(),
-        Some("points left out: 1 (not finite)")
-    );
+    assert_eq!(left_out(true).as_deref(), Some("points left out: 3 (not positive or not finite)"));
+    assert_eq!(left_out(false).as_deref(), Some("points left out: 1 (not finite)"));
     for log in [false, true] {
         let none = scatter(log, vec![(f64::NAN, 1.0)]).svg();
         assert!(matches!(none, Err(ReportError::Empty { .. })), "{none:?}");
@@ -323,10 +239,7 @@ fn points_that_cannot_be_shown_are_counted_and_none_is_an_error() {
 }
 
 fn bench() -> BenchTable {
-    let timing = |step_us, contact_us| Timing {
-        step_us,
-        contact_us,
-    };
+    let timing = |step_us, contact_us| Timing { step_us, contact_us };
     BenchTable {
         title: "cost".to_owned(),
         rows: vec![BenchRow {
@@ -345,16 +258,10 @@ fn the_table_has_the_thesis_beside_ours_with_the_ratios() {
     let text = bench().text();
     let row = |name: &str| -> Vec<String> {
         let line = text.lines().find(|l| l.contains(name)).expect("a row");
-        line.split('|')
-            .map(|c| c.trim().to_owned())
-            .filter(|c| !c.is_empty())
-            .collect()
+        line.split('|').map(|c| c.trim().to_owned()).filter(|c| !c.is_empty()).collect()
     };
     assert_eq!(row("experiment 1")[1..6], ["4306", "94", "-", "12", "7.8x"]);
-    assert_eq!(
-        row("experiment 2")[1..6],
-        ["2261", "39", "-", "5.0", "7.8x"]
-    );
+    assert_eq!(row("experiment 2")[1..6], ["2261", "39", "-", "5.0", "7.8x"]);
     let ours = row("clutch");
     assert_eq!(ours[1..7], ["812", "160", "240", "20", "8.0x", "12.0x"]);
     assert_eq!(ours[7..], ["300", "400", "150", "130"]);
@@ -366,59 +273,32 @@ fn the_table_has_the_thesis_beside_ours_with_the_ratios() {
 fn bars_are_as_long_as_their_times() {
     let svg = bench().svg().expect("bars");
     let widths = |color: &str| -> Vec<f64> {
-        let of_color = svg
-            .split("<rect")
-            .skip(1)
-            .filter(|e| e[..e.find("/>").unwrap_or(0)].contains(color));
+        let of_color = svg.split("<rect").skip(1).filter(|e| e[..e.find("/>").unwrap_or(0)].contains(color));
         // The first is the legend's.
         of_color.skip(1).map(|e| attribute(e, "width")).collect()
     };
     let (contact, rest) = (widths("#E69F00"), widths("#7EC0EE"));
     let unit = (contact[1] + rest[1]) / 400.0;
-    for (widths, times) in [
-        (contact, [160.0, 240.0, 20.0, 0.0]),
-        (rest, [140.0, 160.0, 130.0, 130.0]),
-    ] {
+    for (widths, times) in [(contact, [160.0, 240.0, 20.0, 0.0]), (rest, [140.0, 160.0, 130.0, 130.0])] {
         for (width, time) in widths.iter().zip(times) {
             assert!((width - unit * time).abs() <= 1.5, "{width} for {time} us");
         }
     }
-    for label in [
-        "time per step, median [\u{b5}s]",
-        "full, noslip 10",
-        "no contacts",
-        "150 \u{b5}s (20)",
-    ] {
-        assert!(
-            texts(&svg).iter().any(|t| t == label),
-            "{label}: {:?}",
-            texts(&svg)
-        );
+    for label in ["time per step, median [\u{b5}s]", "full, noslip 10", "no contacts", "150 \u{b5}s (20)"] {
+        assert!(texts(&svg).iter().any(|t| t == label), "{label}: {:?}", texts(&svg));
     }
 }
 
 #[test]
 fn impossible_times_are_named() {
-    assert!(matches!(
-        BenchTable::default().svg(),
-        Err(ReportError::Empty { .. })
-    ));
+    assert!(matches!(BenchTable::default().svg(), Err(ReportError::Empty { .. })));
     let mut table = bench();
     table.rows[0].grasp.contact_us = 151.0;
     let message = table.svg().expect_err("more than the step").to_string();
-    assert!(
-        message.contains("contact_us") && message.contains("grasp"),
-        "{message}"
-    );
+    assert!(message.contains("contact_us") && message.contains("grasp"), "{message}");
     table.rows[0].grasp.contact_us = f64::NAN;
     assert!(table.svg().is_err());
     let mut table = bench();
     table.rows[0].floor.step_us = 0.0;
-    assert!(
-        table
-            .svg()
-            .expect_err("no time")
-            .to_string()
-            .contains("step_us")
-    );
+    assert!(table.svg().expect_err("no time").to_string().contains("step_us"));
 }

@@ -38,38 +38,22 @@ fn arm() -> (Simulation, InverseKinematics, Isometry3<f64>) {
 }
 
 fn in_world(frame: &Isometry3<f64>, x: f64, y: f64) -> Vector3<f64> {
-    frame
-        .transform_point(&nalgebra::Point3::new(x, y, 0.0))
-        .coords
+    frame.transform_point(&nalgebra::Point3::new(x, y, 0.0)).coords
 }
 
 #[test]
 fn two_links_reach_where_the_law_of_cosines_says() {
     let (_, mut ik, frame) = arm();
-    for (x, y) in [
-        (0.35, 0.1),
-        (0.2, 0.25),
-        (-0.1, 0.3),
-        (0.15, -0.2),
-        (0.05, 0.2),
-    ] {
+    for (x, y) in [(0.35, 0.1), (0.2, 0.25), (-0.1, 0.3), (0.15, -0.2), (0.05, 0.2)] {
         ik.start_at(|_| 0.3);
         let solution = ik.solve(&frame, &[in_world(&frame, x, y)]).unwrap();
         assert!(solution.residual < 1e-7, "{solution:?}");
         let (a, b) = (0.3_f64, 0.2_f64);
         let cos = (x * x + y * y - a * a - b * b) / (2.0 * a * b);
         let q: Vec<f64> = ik.values().collect();
-        assert!(
-            (q[1].cos() - cos).abs() < 1e-5,
-            "elbow {} at ({x}, {y})",
-            q[1]
-        );
+        assert!((q[1].cos() - cos).abs() < 1e-5, "elbow {} at ({x}, {y})", q[1]);
         let shoulder = y.atan2(x) - (b * q[1].sin()).atan2(a + b * q[1].cos());
-        assert!(
-            (q[0] - shoulder).sin().abs() < 1e-5,
-            "shoulder {} instead of {shoulder}",
-            q[0]
-        );
+        assert!((q[0] - shoulder).sin().abs() < 1e-5, "shoulder {} instead of {shoulder}", q[0]);
     }
 }
 
@@ -80,10 +64,7 @@ fn a_goal_out_of_reach_stretches_the_arm_towards_it() {
     let solution = ik.solve(&frame, &[in_world(&frame, 0.6, 0.8)]).unwrap();
     let q: Vec<f64> = ik.values().collect();
     assert!((solution.residual - 0.5).abs() < 1e-4, "{solution:?}");
-    assert!(
-        (q[0] - 0.8_f64.atan2(0.6)).abs() < 2e-2 && q[1].abs() < 4e-2,
-        "{q:?}"
-    );
+    assert!((q[0] - 0.8_f64.atan2(0.6)).abs() < 2e-2 && q[1].abs() < 4e-2, "{q:?}");
 }
 
 #[test]
@@ -111,16 +92,9 @@ fn it_starts_within_limits_and_never_leaves_them() {
     for k in 0..200 {
         let angle = f64::from(k) * 0.37;
         let reach = 0.7 * (f64::from(k) * 0.011).sin();
-        ik.solve(
-            &frame,
-            &[in_world(&frame, reach * angle.cos(), reach * angle.sin())],
-        )
-        .unwrap();
+        ik.solve(&frame, &[in_world(&frame, reach * angle.cos(), reach * angle.sin())]).unwrap();
         for (j, q) in ik.values().enumerate() {
-            assert!(
-                (ranges[2 * j]..=ranges[2 * j + 1]).contains(&q),
-                "joint {j} at {q}"
-            );
+            assert!((ranges[2 * j]..=ranges[2 * j + 1]).contains(&q), "joint {j} at {q}");
         }
     }
 }
@@ -131,9 +105,7 @@ fn claw() -> (Simulation, BodyId, Vec<SiteId>) {
     sim.reset_to_keyframe(key).unwrap();
     sim.kinematics().unwrap();
     let palm = sim.model().body("palm").unwrap();
-    let tips = (0..5)
-        .map(|i| sim.model().site(&format!("f{i}_tip")).unwrap())
-        .collect();
+    let tips = (0..5).map(|i| sim.model().site(&format!("f{i}_tip")).unwrap()).collect();
     (sim, palm, tips)
 }
 
@@ -161,14 +133,9 @@ fn five_fingers_reach_their_goals_without_touching_the_simulation() {
     let (sim, palm, tips) = claw();
     let before = sim.save();
     let mut ik = InverseKinematics::new(&sim, palm, &tips, &all_joints(&sim)).unwrap();
-    assert_eq!(
-        ik.joints().len(),
-        20,
-        "the wrist is above the palm, the ball has no part in it"
-    );
-    let goals: Vec<Vector3<f64>> = (0..5)
-        .map(|i| sim.site_position(sim.model().site(&format!("goal{i}")).unwrap()))
-        .collect();
+    assert_eq!(ik.joints().len(), 20, "the wrist is above the palm, the ball has no part in it");
+    let goals: Vec<Vector3<f64>> =
+        (0..5).map(|i| sim.site_position(sim.model().site(&format!("goal{i}")).unwrap())).collect();
     let solution = ik.solve(&pose(&sim, palm), &goals).unwrap();
     assert!(solution.residual < 1e-7, "{solution:?}");
     assert_eq!(sim.save(), before);
@@ -195,12 +162,8 @@ fn fingers_that_share_a_joint_are_solved_together() {
     let sim = sim(xml);
     let site = |name: &str| sim.model().site(name).unwrap();
     let palm = sim.model().body("palm").unwrap();
-    let mut ik =
-        InverseKinematics::new(&sim, palm, &[site("l"), site("r")], &all_joints(&sim)).unwrap();
-    let goals = [
-        Vector3::new(0.12, 0.0, 0.05),
-        Vector3::new(-0.07, 0.0, 0.05),
-    ];
+    let mut ik = InverseKinematics::new(&sim, palm, &[site("l"), site("r")], &all_joints(&sim)).unwrap();
+    let goals = [Vector3::new(0.12, 0.0, 0.05), Vector3::new(-0.07, 0.0, 0.05)];
     assert!(ik.solve(&Isometry3::identity(), &goals).unwrap().residual < 1e-7);
     let q: Vec<f64> = ik.values().collect();
     for (found, expected) in q.iter().zip([0.05, 0.02, 0.03]) {
@@ -213,15 +176,9 @@ fn what_cannot_be_solved_is_said() {
     let (sim, palm, tips) = claw();
     let goal = sim.model().site("goal0").unwrap();
     let error = InverseKinematics::new(&sim, palm, &[goal], &all_joints(&sim)).unwrap_err();
-    assert!(
-        matches!(&error, Error::NotBelow { site, palm } if site == "goal0" && palm == "palm"),
-        "{error}"
-    );
+    assert!(matches!(&error, Error::NotBelow { site, palm } if site == "goal0" && palm == "palm"), "{error}");
     let error = InverseKinematics::new(&sim, palm, &tips, &[]).unwrap_err();
-    assert!(
-        matches!(&error, Error::NoJoint { site, .. } if site == "f0_tip"),
-        "{error}"
-    );
+    assert!(matches!(&error, Error::NoJoint { site, .. } if site == "f0_tip"), "{error}");
     let mut ik = InverseKinematics::new(&sim, palm, &tips, &all_joints(&sim)).unwrap();
     assert!(ik.solve(&pose(&sim, palm), &[Vector3::zeros()]).is_err());
     let ball = ARM.replace(
@@ -230,15 +187,6 @@ fn what_cannot_be_solved_is_said() {
     );
     let sim = self::sim(&ball);
     let tip = sim.model().site("tip").unwrap();
-    let error = InverseKinematics::new(
-        &sim,
-        sim.model().body("palm").unwrap(),
-        &[tip],
-        &all_joints(&sim),
-    )
-    .unwrap_err();
-    assert!(
-        matches!(&error, Error::Joint { joint } if joint == "elbow"),
-        "{error}"
-    );
+    let error = InverseKinematics::new(&sim, sim.model().body("palm").unwrap(), &[tip], &all_joints(&sim)).unwrap_err();
+    assert!(matches!(&error, Error::Joint { joint } if joint == "elbow"), "{error}");
 }

@@ -54,23 +54,9 @@ fn bump(peak: f64, rest: f64) -> impl Fn(f64, &mut Sample) {
 fn a_still_target_is_held() {
     let s = summary(|_, _| ());
     assert_eq!(s.outcome, Some(Outcome::Held));
-    assert_eq!(
-        (s.peak_motion_m, s.final_offset_m, s.creep_m_per_s),
-        (Some(0.0), Some(0.0), Some(0.0))
-    );
-    assert_eq!(
-        (
-            s.latched_at_s,
-            s.released_at_s,
-            s.quality_at_latch_n,
-            s.slip_onset_s
-        ),
-        (None, None, None, None)
-    );
-    assert_eq!(
-        (s.normal_force_total_n, s.step_us_median),
-        (Some(3.0), Some(1.0))
-    );
+    assert_eq!((s.peak_motion_m, s.final_offset_m, s.creep_m_per_s), (Some(0.0), Some(0.0), Some(0.0)));
+    assert_eq!((s.latched_at_s, s.released_at_s, s.quality_at_latch_n, s.slip_onset_s), (None, None, None, None));
+    assert_eq!((s.normal_force_total_n, s.step_us_median), (Some(3.0), Some(1.0)));
 }
 
 #[test]
@@ -80,42 +66,27 @@ fn held_is_within_two_millimetres_or_a_tenth_of_the_peak() {
     assert_eq!(summary(bump(0.040, 0.0039)).outcome, Some(Outcome::Held));
     assert_eq!(summary(bump(0.040, 0.0041)).outcome, Some(Outcome::Slid));
     let s = summary(bump(0.040, 0.0041));
-    assert!(
-        (s.peak_motion_m.unwrap() - 0.040).abs() < 1e-12
-            && (s.final_offset_m.unwrap() - 0.0041).abs() < 1e-12
-    );
+    assert!((s.peak_motion_m.unwrap() - 0.040).abs() < 1e-12 && (s.final_offset_m.unwrap() - 0.0041).abs() < 1e-12);
 }
 
 #[test]
 fn lost_is_five_centimetres_or_no_contact_at_the_end() {
     assert_eq!(summary(bump(0.0499, 0.0)).outcome, Some(Outcome::Held));
     assert_eq!(summary(bump(0.0501, 0.0)).outcome, Some(Outcome::Lost));
-    assert_eq!(
-        summary(|t, s| s.touching = !(0.5..3.0).contains(&t)).outcome,
-        Some(Outcome::Held)
-    );
+    assert_eq!(summary(|t, s| s.touching = !(0.5..3.0).contains(&t)).outcome, Some(Outcome::Held));
     let gone = |t: f64, s: &mut Sample| s.touching = t < 3.0;
     assert_eq!(summary(gone).outcome, Some(Outcome::Lost));
     assert_eq!(summary(gone).creep_m_per_s, None);
     assert_eq!(lost_at(&trajectory([0.0; 2], gone), FROM), Some(400));
-    assert_eq!(
-        lost_at(&trajectory([0.0; 2], bump(0.06, 0.06)), FROM),
-        Some(200)
-    );
+    assert_eq!(lost_at(&trajectory([0.0; 2], bump(0.06, 0.06)), FROM), Some(200));
     assert_eq!(lost_at(&trajectory([0.0; 2], bump(0.01, 0.0)), FROM), None);
-    assert_eq!(
-        summary(|_, s| s.touching = false).outcome,
-        Some(Outcome::Lost)
-    );
+    assert_eq!(summary(|_, s| s.touching = false).outcome, Some(Outcome::Lost));
 }
 
 #[test]
 fn motion_before_measuring_does_not_count() {
     let s = summary(|t, s| s.position.y += if t < -1e-6 { 1.0 } else { 0.0 });
-    assert_eq!(
-        (s.outcome, s.peak_motion_m),
-        (Some(Outcome::Held), Some(0.0))
-    );
+    assert_eq!((s.outcome, s.peak_motion_m), (Some(Outcome::Held), Some(0.0)));
 }
 
 #[test]
@@ -131,8 +102,7 @@ fn phases_and_quality_at_the_latch() {
 
 #[test]
 fn creep_is_the_mean_speed_of_the_last_second_if_nothing_pushes() {
-    let drift =
-        |t: f64, s: &mut Sample| s.position.z += if t > 2.0 { 1e-3 * (t - 2.0) } else { 0.0 };
+    let drift = |t: f64, s: &mut Sample| s.position.z += if t > 2.0 { 1e-3 * (t - 2.0) } else { 0.0 };
     assert!((summary(drift).creep_m_per_s.unwrap() - 1e-3).abs() < 1e-9);
     let t = trajectory([0.0; 2], drift);
     assert!(summarize(&t, FROM, Some(4.0)).creep_m_per_s.is_some());
@@ -150,10 +120,7 @@ fn slip_onset_penetration_and_unreached_measuring() {
     assert!((s.slip_onset_s.unwrap() - (FROM + 1.0 + STEP)).abs() < 1e-9);
     assert!((s.max_penetration_m.unwrap() - 4e-3).abs() < 1e-12);
     let s = summarize(&trajectory([1.0; 2], |_, _| ()), 6.0, None);
-    assert_eq!(
-        (s.outcome, s.peak_motion_m, s.normal_force_total_n),
-        (None, None, None)
-    );
+    assert_eq!((s.outcome, s.peak_motion_m, s.normal_force_total_n), (None, None, None));
 }
 
 #[test]
@@ -173,14 +140,8 @@ fn a_run_compared_with_itself_differs_by_nothing() {
     let a = trajectory([1.0, 2.0], bump(0.02, 0.0));
     let c = compared(&a, &a);
     assert!(c.same_outcome);
-    assert_eq!(
-        (c.position_rmse_m, c.relative_error),
-        (Some(0.0), Some(0.0))
-    );
-    assert_eq!(
-        (c.rotation_rmse_rad, c.normal_force_relative_error),
-        (Some(0.0), Some(0.0))
-    );
+    assert_eq!((c.position_rmse_m, c.relative_error), (Some(0.0), Some(0.0)));
+    assert_eq!((c.rotation_rmse_rad, c.normal_force_relative_error), (Some(0.0), Some(0.0)));
 }
 
 #[test]
@@ -213,20 +174,13 @@ fn small_peaks_count_as_two_millimetres() {
 
 #[test]
 fn the_window_ends_with_the_first_loss_in_either_mode() {
-    let a = trajectory([1.0; 2], |t, s| {
-        s.position.x -= if t > 2.005 { 0.1 * (t - 2.0) } else { 0.0 }
-    });
-    let b = trajectory([1.0; 2], |t, s| {
-        s.position.x -= if t > 2.005 { 0.2 * (t - 2.0) } else { 0.0 }
-    });
+    let a = trajectory([1.0; 2], |t, s| s.position.x -= if t > 2.005 { 0.1 * (t - 2.0) } else { 0.0 });
+    let b = trajectory([1.0; 2], |t, s| s.position.x -= if t > 2.005 { 0.2 * (t - 2.0) } else { 0.0 });
     // b is lost 0.25 s after a starts to move: 25 samples of error up to 25 mm, in a window of 226.
     let c = compared(&a, &b);
     let sum: f64 = (1..=25).map(|k| (0.1 * STEP * f64::from(k)).powi(2)).sum();
     assert!(c.same_outcome);
-    assert!(
-        (c.position_rmse_m.unwrap() - (sum / 226.0).sqrt()).abs() < 1e-9,
-        "{c:?}"
-    );
+    assert!((c.position_rmse_m.unwrap() - (sum / 226.0).sqrt()).abs() < 1e-9, "{c:?}");
 }
 
 #[test]
@@ -244,38 +198,16 @@ fn nothing_to_compare_is_null() {
 fn csv_has_the_columns_of_the_contract() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full-none.csv");
-    trajectory([1.5, 2.5], |t, s| s.grasped = t > 0.0)
-        .write_csv(&path)
-        .unwrap();
+    trajectory([1.5, 2.5], |t, s| s.grasped = t > 0.0).write_csv(&path).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let mut lines = text.lines();
     assert_eq!(
         lines.next().unwrap(),
         "time_s,px_m,py_m,pz_m,qw,qx,qy,qz,phase,quality_n,normal_force_n:a,normal_force_n:b"
     );
-    let first: Vec<f64> = lines
-        .next()
-        .unwrap()
-        .split(',')
-        .map(|v| v.parse().unwrap())
-        .collect();
-    assert_eq!(
-        (
-            first.len(),
-            first[0],
-            first[1],
-            first[8],
-            first[9],
-            first[10]
-        ),
-        (12, 0.0, 0.1, 0.0, 0.5, 1.5)
-    );
-    let last: Vec<f64> = lines
-        .next_back()
-        .unwrap()
-        .split(',')
-        .map(|v| v.parse().unwrap())
-        .collect();
+    let first: Vec<f64> = lines.next().unwrap().split(',').map(|v| v.parse().unwrap()).collect();
+    assert_eq!((first.len(), first[0], first[1], first[8], first[9], first[10]), (12, 0.0, 0.1, 0.0, 0.5, 1.5));
+    let last: Vec<f64> = lines.next_back().unwrap().split(',').map(|v| v.parse().unwrap()).collect();
     assert_eq!((last[0], last[8]), (5.0, 1.0));
     assert_eq!(text.lines().count(), 502);
 }

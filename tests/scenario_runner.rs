@@ -19,19 +19,12 @@ fn a_pinned_target_stays_where_it_is_in_the_world_and_nothing_latches() {
         let plan = load("claw.toml");
         let mut runner = Runner::new(&plan, mode, None).unwrap();
         let ball = plan.model.body("object").unwrap();
-        let (start, mass) = (
-            runner.sim().body_position(ball),
-            runner.sim().model().body_mass()[ball.index()],
-        );
+        let (start, mass) = (runner.sim().body_position(ball), runner.sim().model().body_mass()[ball.index()]);
         let mut squeezed = false;
         while runner.time() < 2.0 - 1e-9 {
             let sample = runner.step().unwrap();
             assert_eq!(runner.sim().body_position(ball), start, "{}", sample.time);
-            assert!(
-                !sample.grasped
-                    && runner.grasp().phase() == Phase::Ungrasped
-                    && !runner.grasp().would_latch()
-            );
+            assert!(!sample.grasped && runner.grasp().phase() == Phase::Ungrasped && !runner.grasp().would_latch());
             squeezed |= sample.quality > runner.grasp().latch_quality();
         }
         assert!(squeezed, "only the pin keeps it from latching");
@@ -56,17 +49,9 @@ fn the_fingers_press_on_a_pinned_target_with_what_their_springs_say() {
     let mut last = None;
     for _ in 0..5 {
         runner.step().unwrap();
-        let forces: Vec<f64> = runner
-            .normal_forces()
-            .iter()
-            .copied()
-            .filter(|f| *f > 0.0)
-            .collect();
+        let forces: Vec<f64> = runner.normal_forces().iter().copied().filter(|f| *f > 0.0).collect();
         assert_eq!(forces.len(), 5);
-        assert!(
-            forces.iter().all(|f| (f / forces[0] - 1.0).abs() < 1e-3),
-            "{forces:?}"
-        );
+        assert!(forces.iter().all(|f| (f / forces[0] - 1.0).abs() < 1e-3), "{forces:?}");
         let change = last.map_or(0.0, |l: f64| (l - forces[0]).abs());
         assert!(change < 1e-3, "{change} N in one step");
         last = Some(forces[0]);
@@ -120,17 +105,9 @@ fn fingertips_reach_their_goals_press_until_the_quality_and_keep_their_targets()
         while runner.time() < 4.0 {
             runner.step().unwrap();
             let ctrl = runner.sim().ctrl().to_vec();
-            let change = ctrl
-                .iter()
-                .zip(&before)
-                .map(|(a, b)| (a - b).abs())
-                .fold(0.0, f64::max);
+            let change = ctrl.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // 0.1 m/s is 0.2 mm a step, with fingers of 0.1 m.
-            assert!(
-                change < 0.02,
-                "targets jump by {change} at {}",
-                runner.time()
-            );
+            assert!(change < 0.02, "targets jump by {change} at {}", runner.time());
             let held = runner.grasp().phase() == Phase::Grasped || runner.grasp().would_latch();
             match frozen_at {
                 None if held => frozen_at = Some(runner.time()),
@@ -155,33 +132,19 @@ fn commanded_tips_arrive_at_the_goal_sites() {
     runner.advance_to(0.02).unwrap();
     // On the way.
     let (palm, points) = runner.trackers()[0].problem(runner.sim());
-    let goal = |runner: &Runner, i: usize| {
-        runner
-            .sim()
-            .site_position(plan.model.site(&format!("goal{i}")).unwrap())
-    };
+    let goal = |runner: &Runner, i: usize| runner.sim().site_position(plan.model.site(&format!("goal{i}")).unwrap());
     assert!((points[0] - goal(&runner, 0)).norm() > 1e-3);
     let mut solver = runner.trackers()[0].solver().clone();
     assert!(solver.solve(&palm, &points).unwrap().residual < 1e-6);
     // Arrived: pressed in by less than the rate times the time, and moved together against the load of the pin.
     runner.advance_to(1.0).unwrap();
     let (_, points) = runner.trackers()[0].problem(runner.sim());
-    let ball = runner
-        .sim()
-        .body_position(plan.model.body("object").unwrap());
-    let inward: Vec<Vector3<f64>> = (0..5)
-        .map(|i| (ball - goal(&runner, i)).normalize())
-        .collect();
-    let moved: Vec<Vector3<f64>> = (0..5).map(|i| points[i] - goal(&runner, i)).collect();
-    let pressed = (moved[0] - moved[2]).norm() / (inward[0] - inward[2]).norm();
-    assert!((0.001..0.010).contains(&pressed), "{pressed}");
-    let shift = moved[0] - pressed * inward[0];
-    assert!(
-        shift.norm() < 0.010 && shift.z > 0.0,
-        "{shift}: the ball weighs on the pin"
-    );
-    for (moved, inward) in moved.iter().zip(&inward) {
-        assert!((moved - pressed * inward - shift).norm() < 1e-6);
+    let ball = runner.sim().body_position(plan.model.body("object").unwrap());
+    for (i, point) in points.iter().enumerate() {
+        let inward: Vector3<f64> = (ball - goal(&runner, i)).normalize();
+        let depth = (point - goal(&runner, i)).dot(&inward);
+        assert!((0.0..0.010).contains(&depth), "{depth}");
+        assert!((point - goal(&runner, i) - depth * inward).norm() < 1e-6);
     }
 }
 
@@ -223,15 +186,7 @@ fn position_actuators_are_found_with_their_gain_gear_and_bias() {
     assert!((a.scale - 10.0 / 3.0).abs() < 1e-12 && (a.offset + 0.2).abs() < 1e-12);
     // The joint feels 2 (3 ctrl + ...).
     assert!((a.compliance - 1.0 / 6.0).abs() < 1e-12);
-    assert_eq!(
-        of("b"),
-        Some(PositionActuator {
-            index: 2,
-            scale: 1.0,
-            offset: 0.0,
-            compliance: 1.0 / 7.0
-        })
-    );
+    assert_eq!(of("b"), Some(PositionActuator { index: 2, scale: 1.0, offset: 0.0, compliance: 1.0 / 7.0 }));
     assert_eq!(of("c"), None);
 }
 
@@ -247,17 +202,16 @@ fn two_claws() -> Plan {
     let renamed = |text: &str, k: usize| {
         let mut text = text.to_owned();
         for attribute in ["name", "joint"] {
-            text = text.replace(
-                &format!(" {attribute}=\""),
-                &format!(" {attribute}=\"h{k}_"),
-            );
+            text = text.replace(&format!(" {attribute}=\""), &format!(" {attribute}=\"h{k}_"));
         }
         text
     };
     let moved = |k: usize| {
-        renamed(hand, k)
-            .replacen("pos=\"0 0 0.38\"", &format!("pos=\"{k} 0 0.38\""), 1)
-            .replacen("pos=\"0 0 0.3\"", &format!("pos=\"{k} 0 0.3\""), 1)
+        renamed(hand, k).replacen("pos=\"0 0 0.38\"", &format!("pos=\"{k} 0 0.38\""), 1).replacen(
+            "pos=\"0 0 0.3\"",
+            &format!("pos=\"{k} 0 0.3\""),
+            1,
+        )
     };
     let xml = format!(
         "<mujoco>{}<worldbody>{}{}</worldbody><actuator>{}{}</actuator></mujoco>",
@@ -278,18 +232,11 @@ fn two_claws() -> Plan {
          [[grasp]]\ntarget = \"h0_object\"\npalm = \"h0_palm\"\n[[grasp]]\ntarget = \"h1_object\"\npalm = \"h1_palm\"\n\
          [[control]]\ntime = 0.2\nset = {{ {} }}\n[[control]]\ntime = 1.6\nset = {{ {} }}\n\
          [[push]]\nname = \"second\"\ntarget = \"h1_object\"\nstart = 2.6\nduration = 0.5\nforce = [2.0, 0.0, 0.0]\n",
-        set.replace("0.45", "-0.3")
-            .replace("0.75", "0.0")
-            .trim_end_matches(", "),
+        set.replace("0.45", "-0.3").replace("0.75", "0.0").trim_end_matches(", "),
         set.trim_end_matches(", ")
     );
     let path = Path::new("two.toml");
-    Plan::new(
-        &ScenarioFile::parse(&toml, path).unwrap(),
-        path,
-        Model::from_xml_string(&xml).unwrap(),
-    )
-    .unwrap()
+    Plan::new(&ScenarioFile::parse(&toml, path).unwrap(), path, Model::from_xml_string(&xml).unwrap()).unwrap()
 }
 
 #[test]
@@ -305,10 +252,7 @@ fn two_hands_latch_both_and_the_run_is_about_the_one_that_is_pushed() {
     assert!(runner.grasps().iter().all(|g| g.phase() == Phase::Grasped));
     let from = trajectory.index_at(2.5).unwrap();
     let start = trajectory.samples()[from];
-    let peak = trajectory.samples()[from..]
-        .iter()
-        .map(|s| (s.position - start.position).norm())
-        .fold(0.0, f64::max);
+    let peak = trajectory.samples()[from..].iter().map(|s| (s.position - start.position).norm()).fold(0.0, f64::max);
     assert!((0.005..0.03).contains(&peak), "{peak}");
     // The other hand's ball does not feel it.
     let other = plan.model.body("h0_object").unwrap();

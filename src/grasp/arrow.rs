@@ -12,6 +12,8 @@
 //! factorization of the size of its own rows, and what is left are the root's twelve unknowns however many fingers and
 //! contacts there are.
 
+#![allow(clippy::needless_range_loop)] // small matrices are read by their indices, as in the formulas
+
 use super::cone::{Law, MAX_ROWS, Response, Zone};
 use super::dense;
 use nalgebra::{SMatrix, SVector};
@@ -121,12 +123,7 @@ impl Arrow {
     pub fn add_block(&mut self, law: Law, zone: Zone, root_rows: &[RootVector], bias: &[f64], forces: &[f64]) {
         let mut response = Response::open();
         response.zone = zone;
-        self.blocks.push(Block {
-            rows: bias.len(),
-            row0: self.bias.len(),
-            law,
-            response,
-        });
+        self.blocks.push(Block { rows: bias.len(), row0: self.bias.len(), law, response });
         self.root_rows.extend_from_slice(root_rows);
         self.bias.extend_from_slice(bias);
         self.forces.extend_from_slice(forces);
@@ -223,11 +220,7 @@ impl Arrow {
             buffer.resize(rows, 0.0);
         }
         self.stiffness.resize(self.mobility.len(), 0.0);
-        let mut newton = Newton {
-            gradient: [0.0; ROOT],
-            step: [0.0; ROOT],
-            hessian: [[0.0; ROOT]; ROOT],
-        };
+        let mut newton = Newton { gradient: [0.0; ROOT], step: [0.0; ROOT], hessian: [[0.0; ROOT]; ROOT] };
         self.residuals(z);
         for b in &mut self.blocks {
             let zone = b.response.zone;

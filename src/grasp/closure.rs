@@ -33,11 +33,7 @@ pub enum SolverFault {
         "the conic solver stopped ({status}) on the balance of {contacts} contacts, violated by {residual:.1e} \
          (at most 1e-6)"
     )]
-    Unsolved {
-        contacts: usize,
-        status: String,
-        residual: f64,
-    },
+    Unsolved { contacts: usize, status: String, residual: f64 },
 }
 
 /// What bounds the normal forces of an equilibrium.
@@ -148,28 +144,15 @@ impl<'a> Balance<'a> {
         let mut columns = Vec::new();
         let mut starts = vec![0];
         for (contact, c) in contacts.iter().enumerate() {
-            columns.push(Column {
-                contact,
-                row: None,
-                wrench: c.normal_wrench(com, length),
-            });
+            columns.push(Column { contact, row: None, wrench: c.normal_wrench(com, length) });
             for (row, &mu) in c.active_friction().iter().enumerate() {
                 if mu > 0.0 {
-                    columns.push(Column {
-                        contact,
-                        row: Some(row),
-                        wrench: c.friction_wrench(row, com, length) * mu,
-                    });
+                    columns.push(Column { contact, row: Some(row), wrench: c.friction_wrench(row, com, length) * mu });
                 }
             }
             starts.push(columns.len());
         }
-        Balance {
-            contacts,
-            columns,
-            starts,
-            length,
-        }
+        Balance { contacts, columns, starts, length }
     }
 
     /// Size of a wrench \[N\], its torque over the length.
@@ -183,11 +166,7 @@ impl<'a> Balance<'a> {
     }
 
     fn full_rank(&self) -> bool {
-        let gram: Matrix6<f64> = self
-            .columns
-            .iter()
-            .map(|c| c.wrench * c.wrench.transpose())
-            .sum();
+        let gram: Matrix6<f64> = self.columns.iter().map(|c| c.wrench * c.wrench.transpose()).sum();
         let values = gram.symmetric_eigenvalues();
         values.min() > RANK_TOLERANCE * RANK_TOLERANCE * values.max()
     }
@@ -200,11 +179,7 @@ impl<'a> Balance<'a> {
 
     /// Forces \[N\] that balance the largest multiple of `external`, and that multiple: unlimited, with normal forces
     /// summing to at most 1 N, else within the live ones.
-    fn heaviest(
-        &self,
-        external: &Vector6<f64>,
-        limit: NormalForces,
-    ) -> Result<(Vec<f64>, f64), SolverFault> {
+    fn heaviest(&self, external: &Vector6<f64>, limit: NormalForces) -> Result<(Vec<f64>, f64), SolverFault> {
         let size = self.size(external);
         let direction = self.scaled(external) / size;
         match limit {
@@ -228,12 +203,7 @@ impl<'a> Balance<'a> {
 
     /// Maximises s so that the forces y balance `s direction`, lie at least `s depth` within their cones, and keep the
     /// bound. Returns y and s >= 0.
-    fn solve(
-        &self,
-        direction: &Vector6<f64>,
-        depth: f64,
-        bound: &Bound,
-    ) -> Result<(Vec<f64>, f64), SolverFault> {
+    fn solve(&self, direction: &Vector6<f64>, depth: f64, bound: &Bound) -> Result<(Vec<f64>, f64), SolverFault> {
         let contacts = self.contacts.len();
         if contacts == 0 {
             return Ok((Vec::new(), 0.0));
@@ -281,19 +251,13 @@ impl<'a> Balance<'a> {
         program.entry(last, -1.0);
         program.end_row(0.0);
         program.cone(NonnegativeConeT(1));
-        let (mut x, status) = program.maximise(last).map_err(|e| SolverFault::Refused {
-            contacts,
-            reason: e.to_string(),
-        })?;
+        let (mut x, status) =
+            program.maximise(last).map_err(|e| SolverFault::Refused { contacts, reason: e.to_string() })?;
         let best = x.pop().unwrap_or(f64::NAN);
         let residual = self.residual(&x, best, direction, depth);
         let stopped = !matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved);
         if stopped || residual.is_nan() || residual > RESIDUAL {
-            return Err(SolverFault::Unsolved {
-                contacts,
-                status: format!("{status:?}"),
-                residual,
-            });
+            return Err(SolverFault::Unsolved { contacts, status: format!("{status:?}"), residual });
         }
         Ok((x, best.max(0.0)))
     }
@@ -313,13 +277,8 @@ impl<'a> Balance<'a> {
 
     /// World forces of the solution `y` times `factor`.
     fn forces(&self, y: &[f64], factor: f64) -> Vec<BalancingForce> {
-        let mut forces = vec![
-            BalancingForce {
-                force: Vector3::zeros(),
-                torque: Vector3::zeros(),
-            };
-            self.contacts.len()
-        ];
+        let mut forces =
+            vec![BalancingForce { force: Vector3::zeros(), torque: Vector3::zeros() }; self.contacts.len()];
         for (column, value) in self.columns.iter().zip(y) {
             let c = &self.contacts[column.contact];
             let out = &mut forces[column.contact];
@@ -345,13 +304,6 @@ enum Bound {
 
 /// A length \[m\] that makes torques comparable to forces: the largest distance of a contact from the centre of mass.
 fn lever(contacts: &[ContactForce], com: &Vector3<f64>) -> f64 {
-    let longest = contacts
-        .iter()
-        .map(|c| (c.position - com).norm())
-        .fold(0.0, f64::max);
-    if inverse(longest).is_normal() {
-        longest
-    } else {
-        1.0
-    }
+    let longest = contacts.iter().map(|c| (c.position - com).norm()).fold(0.0, f64::max);
+    if inverse(longest).is_normal() { longest } else { 1.0 }
 }

@@ -60,7 +60,7 @@ pub enum Law {
     },
     /// Friction under a known normal force. The rows are those after the normal.
     Slip {
-        /// Force at which the proximal step starts [N, N m].
+        /// Force at which the proximal step starts \[N, N m\].
         centre: [f64; 5],
         /// Proximal resistance of the first friction row; `r_j = resistance mu_0^2 / mu_j^2`.
         resistance: f64,
@@ -106,12 +106,7 @@ impl Response {
 
     /// No force.
     pub fn open() -> Self {
-        Response {
-            cost: 0.0,
-            force: [0.0; MAX_ROWS],
-            hessian: [0.0; MAX_ROWS * MAX_ROWS],
-            zone: Zone::Open,
-        }
+        Response { cost: 0.0, force: [0.0; MAX_ROWS], hessian: [0.0; MAX_ROWS * MAX_ROWS], zone: Zone::Open }
     }
 }
 
@@ -128,21 +123,9 @@ impl Law {
         out.clear(jar.len());
         match self {
             Law::Unilateral { stiffness } => unilateral(out, jar[0], *stiffness),
-            Law::Elliptic {
-                stiffness,
-                cone,
-                friction,
-            } => elliptic(out, jar, *stiffness, *cone, friction),
-            Law::Pyramidal {
-                stiffness,
-                friction,
-            } => pyramidal(out, jar, *stiffness, friction),
-            Law::Slip {
-                centre,
-                resistance,
-                friction,
-                bound,
-            } => {
+            Law::Elliptic { stiffness, cone, friction } => elliptic(out, jar, *stiffness, *cone, friction),
+            Law::Pyramidal { stiffness, friction } => pyramidal(out, jar, *stiffness, friction),
+            Law::Slip { centre, resistance, friction, bound } => {
                 let kappa = resistance * friction[0] * friction[0];
                 match bound {
                     Bound::Ellipsoid(normal) => slip_ellipsoid(out, jar, centre, kappa, friction, *normal),

@@ -1,9 +1,7 @@
 //! Conic programs, built row by row for clarabel.
 
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT,
-};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT};
 
 /// A conic program in clarabel's form: rows `A x + slack = b`, the slack in a product of cones.
 pub(super) struct Program {
@@ -18,14 +16,7 @@ pub(super) struct Program {
 impl Program {
     /// An empty program in `width` variables.
     pub(super) fn new(width: usize) -> Self {
-        Program {
-            width,
-            rows: Vec::new(),
-            columns: Vec::new(),
-            values: Vec::new(),
-            b: Vec::new(),
-            cones: Vec::new(),
-        }
+        Program { width, rows: Vec::new(), columns: Vec::new(), values: Vec::new(), b: Vec::new(), cones: Vec::new() }
     }
 
     /// An entry of the current row.
@@ -52,8 +43,7 @@ impl Program {
         let height = self.b.len();
         let mut q = vec![0.0; self.width];
         q[variable] = -1.0;
-        let a =
-            CscMatrix::new_from_triplets(height, self.width, self.rows, self.columns, self.values);
+        let a = CscMatrix::new_from_triplets(height, self.width, self.rows, self.columns, self.values);
         let settings = DefaultSettings {
             verbose: false,
             max_threads: 1,

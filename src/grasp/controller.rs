@@ -1,18 +1,21 @@
 //! One grasp: who holds what, its phase and its live contacts.
 
+use super::bounds::Bounds;
 use super::contacts::{ContactSet, GraspContact};
 use super::detector::Detector;
 use super::error::Error;
+use super::merged_solve::MergedSolver;
+use super::mobility::Dynamics;
 use super::phase::{Observation, Phase, PhaseMachine};
 use super::quality::{self, Gram};
-use super::mobility::Dynamics;
 use super::softness::{ConeKind, SolverOptions};
 use super::solve::{GraspSolver, SolveStatus};
-use super::wrench::ContactForce;
 use super::step::GraspForce;
 use super::topology::{Topology, Tree, is_ancestor, lowest_common_ancestor};
-use crate::mujoco::{BodyId, Cone, DISABLE_REFSAFE, Integrator, Simulation};
-use nalgebra::{UnitQuaternion, Vector3};
+use super::weld::{self, Settings};
+use super::wrench::ContactForce;
+use crate::mujoco::{BodyId, Cone, DISABLE_REFSAFE, EqualityId, Integrator, Simulation};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
 /// What stands for the contacts while the grasp is latched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -27,6 +30,17 @@ pub enum Limits {
     Rigid,
 }
 
+impl Limits {
+    /// The name in scenario files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Limits::Cones => "cones",
+            Limits::Box => "box",
+            Limits::Rigid => "rigid",
+        }
+    }
+}
+
 /// A grasp as the user describes it.
 #[derive(Clone, Debug)]
 pub struct GraspSpec {
@@ -36,11 +50,11 @@ pub struct GraspSpec {
     pub effectors: Vec<BodyId>,
     /// Base of the fingers; `None`: the lowest common ancestor of the effectors.
     pub palm: Option<BodyId>,
-    /// Quality at which the grasp latches, `Q_Th` [N]; `None`: from the target's weight.
+    /// Quality at which the grasp latches, `Q_Th` \[N\]; `None`: from the target's weight.
     pub latch_quality: Option<f64>,
-    /// Quality below which it is given up, `Q_M` [N]; `None`: from `Q_Th`.
+    /// Quality below which it is given up, `Q_M` \[N\]; `None`: from `Q_Th`.
     pub release_quality: Option<f64>,
-    /// Simulated time for which the quality must be good before the grasp latches [s].
+    /// Simulated time for which the quality must be good before the grasp latches \[s\].
     pub latch_time: f64,
     /// What stands for the contacts.
     pub limits: Limits,
@@ -50,7 +64,7 @@ pub struct GraspSpec {
     pub axes: UnitQuaternion<f64>,
 }
 
-/// Simulated time of good quality after which a grasp latches, unless set otherwise [s].
+/// Simulated time of good quality after which a grasp latches, unless set otherwise \[s\].
 pub const DEFAULT_LATCH_TIME: f64 = 0.05;
 
 impl GraspSpec {
@@ -78,8 +92,8 @@ pub struct Grasp {
     links: Vec<BodyId>,
     is_link: Vec<bool>,
     limits: Limits,
-    relaxed: [bool; 6],
-    axes: UnitQuaternion<f64>,
+    merged: Option<(EqualityId, MergedSolver)>,
+    settings: Option<Settings>,
     latch_quality: f64,
     release_quality: f64,
     machine: PhaseMachine,
@@ -135,7 +149,9 @@ impl Grasp {
         let links = if spec.effectors.is_empty() {
             model
                 .bodies()
-                .filter(|b| b.index() != palm.index() && topology.in_hand(b.index()) && model.body_geomnum()[b.index()] > 0)
+                .filter(|b| {
+                    b.index() != palm.index() && topology.in_hand(b.index()) && model.body_geomnum()[b.index()] > 0
+                })
                 .collect()
         } else {
             spec.effectors.clone()
@@ -144,6 +160,14 @@ impl Grasp {
             return Err(Error::NoEffectors(name(palm)));
         }
         let weight = model.body_subtreemass()[spec.target.index()] * model.gravity().norm();
+        let merged = match spec.limits {
+            Limits::Cones => None,
+            Limits::Box | Limits::Rigid => {
+                let weld = weld::find(sim, &topology, spec.limits, &name(spec.target))?;
+                let (limits, relaxed, axes) = (spec.limits, spec.relaxed, spec.axes);
+                Some((weld, MergedSolver::new(model, &topology, spec.target, limits, relaxed, axes)))
+            }
+        };
         let (latch_quality, release_quality) = thresholds(spec, weight)?;
         let mut is_link = vec![false; parents.len()];
         for link in &links {
@@ -156,8 +180,8 @@ impl Grasp {
             links,
             is_link,
             limits: spec.limits,
-            relaxed: spec.relaxed,
-            axes: spec.axes,
+            merged,
+            settings: None,
             latch_quality,
             release_quality,
             machine: PhaseMachine::new(spec.latch_time),
@@ -197,17 +221,17 @@ impl Grasp {
         self.limits
     }
 
-    /// Smallest singular value of the grasp matrix of the last step's contacts [N], thesis Eqs. 2.17 and 2.18.
+    /// Smallest singular value of the grasp matrix of the last step's contacts \[N\], thesis Eqs. 2.17 and 2.18.
     pub fn quality(&self) -> f64 {
         self.gram.min_singular_value()
     }
 
-    /// `Q_Th` [N].
+    /// `Q_Th` \[N\].
     pub fn latch_quality(&self) -> f64 {
         self.latch_quality
     }
 
-    /// `Q_M` [N].
+    /// `Q_M` \[N\].
     pub fn release_quality(&self) -> f64 {
         self.release_quality
     }
@@ -255,6 +279,10 @@ impl Grasp {
         let now = self.observation(sim);
         if self.machine.observe(now) == Phase::Grasped {
             self.solver.reset();
+            let options = solver_options(sim);
+            if let Some((_, merged)) = &mut self.merged {
+                merged.begin(sim, &self.topology, &options, self.set.contacts());
+            }
         }
         Ok(())
     }
@@ -325,6 +353,88 @@ impl Grasp {
         Ok(())
     }
 
+    /// True while this grasp's constraint is the weld.
+    pub(super) fn is_merged(&self) -> bool {
+        self.merged.is_some() && self.machine.phase() == Phase::Grasped
+    }
+
+    /// True if the weld is to have rows in this step.
+    pub(super) fn wants_weld(&self) -> bool {
+        self.is_merged() && !self.set.contacts().is_empty()
+    }
+
+    /// The weld of a merged grasp.
+    pub(super) fn weld(&self) -> Option<EqualityId> {
+        self.merged.as_ref().map(|(weld, _)| *weld)
+    }
+
+    /// Number of the weld's rows that have bounds.
+    pub(super) fn relaxed_count(&self) -> usize {
+        self.merged.as_ref().map_or(0, |(_, merged)| merged.bounded_count())
+    }
+
+    /// Largest wrench that a grasp with [`Limits::Box`] carries in the next step on each of its axes, thesis Eqs. 4.1 to
+    /// 4.3; `None` for the other forms and while not grasped.
+    pub fn bounds(&self) -> Option<Bounds> {
+        let (_, merged) = self.merged.as_ref().filter(|_| self.limits == Limits::Box && self.is_merged())?;
+        Some(merged.bounds())
+    }
+
+    /// Wrench across a merged grasp in the last step: on the target, about its centre of mass, in the grasp's axes,
+    /// `[force; torque]`; `None` for form 1 and while not grasped.
+    pub fn merged_wrench(&self) -> Option<Vector6<f64>> {
+        let (_, merged) = self.merged.as_ref().filter(|_| self.is_merged())?;
+        Some(merged.wrench())
+    }
+
+    /// Fills the weld's rows, the rigid ones from `rigid` on and those with bounds from `bounded` on.
+    pub(super) fn write_weld_rows(
+        &mut self,
+        sim: &mut Simulation,
+        rigid: &mut usize,
+        bounded: &mut usize,
+    ) -> Result<(), Error> {
+        let options = solver_options(sim);
+        let Some((_, merged)) = &mut self.merged else { return Ok(()) };
+        merged.write_rows(sim, &self.topology, &options, self.set.contacts(), rigid, bounded)
+    }
+
+    /// Sets the weld rows' references and bounds, and adds the squeeze to `out`.
+    pub(super) fn load_merged(&mut self, sim: &mut Simulation, out: &mut [f64]) -> Result<(), Error> {
+        let Some((_, merged)) = &mut self.merged else { return Ok(()) };
+        merged.load(sim, &self.topology, self.set.contacts(), out)
+    }
+
+    /// Reads the contacts' forces from the solved weld rows.
+    pub(super) fn read_merged(&mut self, sim: &Simulation) {
+        if let Some((_, merged)) = &mut self.merged {
+            merged.read(sim, self.set.contacts_mut());
+        }
+    }
+
+    /// The user's solver settings, while a merged grasp keeps them.
+    pub(super) fn settings(&self) -> Option<&Settings> {
+        self.settings.as_ref()
+    }
+
+    /// As [`settings`](Self::settings), to keep them.
+    pub(super) fn settings_mut(&mut self) -> &mut Option<Settings> {
+        &mut self.settings
+    }
+
+    /// Gives the solver settings back that a latched grasp with [`Limits::Box`] or [`Limits::Rigid`] has changed (noslip
+    /// iterations, storage of the Jacobian). A step after the release does it by itself; this is for a simulation that
+    /// goes on without its grasps. The current contacts and constraint rows are dropped if there is something to restore.
+    ///
+    /// # Errors
+    /// What the engine reports.
+    pub fn restore_settings(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        match self.settings.take() {
+            Some(settings) => settings.restore(sim),
+            None => Ok(()),
+        }
+    }
+
     /// Solves the grasp and adds its generalised force to `out`.
     pub(super) fn solve_cones(&mut self, sim: &Simulation, out: &mut [f64]) -> Result<(), Error> {
         let model = sim.model();
@@ -341,12 +451,7 @@ impl Grasp {
             body_velocity: sim.cvel(),
             acceleration: sim.qacc_smooth(),
         };
-        let options = SolverOptions {
-            timestep: model.timestep(),
-            refsafe: model.disable_flags() & DISABLE_REFSAFE == 0,
-            impratio: model.impratio(),
-            cone: if model.cone() == Cone::Elliptic { ConeKind::Elliptic } else { ConeKind::Pyramidal },
-        };
+        let options = solver_options(sim);
         self.status = self.solver.solve(&dynamics, &self.topology, &options, self.set.contacts_mut());
         let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
         if !self.set.contacts().iter().all(finite) {
@@ -354,6 +459,16 @@ impl Grasp {
         }
         self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
         Ok(())
+    }
+}
+
+fn solver_options(sim: &Simulation) -> SolverOptions {
+    let model = sim.model();
+    SolverOptions {
+        timestep: model.timestep(),
+        refsafe: model.disable_flags() & DISABLE_REFSAFE == 0,
+        impratio: model.impratio(),
+        cone: if model.cone() == Cone::Elliptic { ConeKind::Elliptic } else { ConeKind::Pyramidal },
     }
 }
 

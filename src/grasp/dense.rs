@@ -56,9 +56,7 @@ pub fn cholesky_solve(a: &mut [RootVector; ROOT], b: &mut RootVector) {
 /// `A = I + C W` with positive semidefinite `C`, `W` is never singular.
 pub fn lu_solve(a: &mut [f64], n: usize, b: &mut [f64], many: &mut [f64]) {
     for k in 0..n {
-        let pivot = (k..n)
-            .max_by(|&i, &j| a[i * n + k].abs().total_cmp(&a[j * n + k].abs()))
-            .unwrap_or(k);
+        let pivot = (k..n).max_by(|&i, &j| a[i * n + k].abs().total_cmp(&a[j * n + k].abs())).unwrap_or(k);
         if pivot != k {
             for c in 0..n {
                 a.swap(k * n + c, pivot * n + c);
@@ -95,6 +93,7 @@ pub fn lu_solve(a: &mut [f64], n: usize, b: &mut [f64], many: &mut [f64]) {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::needless_range_loop)]
     use super::*;
 
     #[test]

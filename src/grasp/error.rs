@@ -12,7 +12,9 @@ pub enum Error {
     #[error("effector \"{0}\" is the target (or a part of it); effectors are links of the hand that touch the target")]
     EffectorIsTarget(String),
     /// The target is a part of the hand's own kinematic tree.
-    #[error("target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint")]
+    #[error(
+        "target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint"
+    )]
     TargetInHand {
         /// Name of the target.
         target: String,
@@ -23,7 +25,9 @@ pub enum Error {
     #[error("target \"{0}\" is static: it has no joint, so nothing can hold or drop it; give it a free joint")]
     StaticTarget(String),
     /// An effector does not hang from the palm.
-    #[error("effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out")]
+    #[error(
+        "effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out"
+    )]
     EffectorOutsideHand {
         /// Name of the effector.
         effector: String,
@@ -41,18 +45,47 @@ pub enum Error {
     Threshold {
         /// Which threshold.
         name: &'static str,
-        /// Its value [N].
+        /// Its value \[N\].
         value: f64,
         /// What would be right.
         expected: &'static str,
     },
     /// An integrator whose step cannot be taken apart.
-    #[error("a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step")]
+    #[error(
+        "a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step"
+    )]
     Integrator,
-    /// The grasp solve met numbers that are not finite.
-    #[error("the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help")]
-    Diverged {
+    /// A form of the constraint that needs a weld, without one.
+    #[error(
+        "limits \"{limits}\" needs a weld between the hand and the target {target}, and the model has none; load it with Model::from_xml_file_with(path, &grasp::weld_xml(target, None)), or append that element to the model's text after all other equality constraints"
+    )]
+    NoWeld {
+        /// Which limits were asked for.
+        limits: &'static str,
+        /// Label of the target.
+        target: String,
+    },
+    /// The weld already holds the target.
+    #[error(
+        "the weld of the target {0} is switched on in the model: it must have active=\"false\", the grasp switches it on when it latches (see grasp::weld_xml)"
+    )]
+    WeldActive(String),
+    /// The weld's rows are not as they must be.
+    #[error(
+        "the engine did not make six constraint rows, after those of all other equality constraints, for each weld of the {welds} latched grasps at t = {time:.4} s; each grasp with limits \"box\" or \"rigid\" needs a weld of its own, the last equality constraints of the model, and the flag \"equality\" enabled"
+    )]
+    WeldRows {
         /// Simulated time [s].
+        time: f64,
+        /// Welds switched on.
+        welds: usize,
+    },
+    /// The grasp solve met numbers that are not finite.
+    #[error(
+        "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"
+    )]
+    Diverged {
+        /// Simulated time \[s\].
         time: f64,
         /// Which quantity.
         what: &'static str,

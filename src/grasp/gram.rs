@@ -28,13 +28,7 @@ impl Gram {
     /// An empty grasp of a target with its centre of mass at `com` (world, m); torques will be divided by `length`
     /// \[m\], see [`contact_radius`]. With a length of 0 torques do not count and Q is 0.
     pub fn new(com: Vector3<f64>, length: f64) -> Self {
-        Gram {
-            ff: Matrix3::zeros(),
-            tf: Matrix3::zeros(),
-            tt: Matrix3::zeros(),
-            com,
-            per_length: inverse(length),
-        }
+        Gram { ff: Matrix3::zeros(), tf: Matrix3::zeros(), tt: Matrix3::zeros(), com, per_length: inverse(length) }
     }
 
     /// The grasp by `contacts`, its length their [`contact_radius`].
@@ -76,9 +70,7 @@ impl Gram {
         let mut matrix = Matrix6::zeros();
         matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.ff);
         matrix.fixed_view_mut::<3, 3>(3, 0).copy_from(&self.tf);
-        matrix
-            .fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&self.tf.transpose());
+        matrix.fixed_view_mut::<3, 3>(0, 3).copy_from(&self.tf.transpose());
         matrix.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.tt);
         matrix
     }
@@ -90,11 +82,7 @@ impl Gram {
         };
         let largest = values.iter().copied().fold(0.0, f64::max);
         let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-        if least > RANK_FLOOR * largest {
-            least.sqrt()
-        } else {
-            0.0
-        }
+        if least > RANK_FLOOR * largest { least.sqrt() } else { 0.0 }
     }
 
     /// Whether Q > `quality` \[N\], by one Cholesky factorisation of `G G' - quality^2 I`: for the test against a
@@ -150,12 +138,7 @@ fn outer(v: &Vector3<f64>, weight: f64) -> Matrix3<f64> {
 /// Cyclic Jacobi rotations: no allocation, always an end, and small eigenvalues of definite matrices stay accurate.
 fn eigenvalues(lower: &[[f64; 6]; 6]) -> Option<[f64; 6]> {
     let mut a = *lower;
-    let size: f64 = a
-        .iter()
-        .enumerate()
-        .flat_map(|(i, row)| &row[..=i])
-        .map(|x| x.abs())
-        .sum();
+    let size: f64 = a.iter().enumerate().flat_map(|(i, row)| &row[..=i]).map(|x| x.abs()).sum();
     if !size.is_finite() {
         return None;
     }

@@ -24,14 +24,10 @@ pub enum HullError {
     #[error("point {point} of the hull has a coordinate that is not finite")]
     NotFinite { point: usize },
     /// Rounding defeated every attempt.
-    #[error(
-        "the hull of {points} points did not close, even with its points jogged by 1e-6 of their spread"
-    )]
+    #[error("the hull of {points} points did not close, even with its points jogged by 1e-6 of their spread")]
     NotClosed { points: usize },
     /// Too many facets.
-    #[error(
-        "the hull of {points} points takes more than {limit} facets to form; give fewer points"
-    )]
+    #[error("the hull of {points} points takes more than {limit} facets to form; give fewer points")]
     TooComplex { points: usize, limit: usize },
 }
 
@@ -58,19 +54,13 @@ impl ConvexHull {
         if let Some(point) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             return Err(HullError::NotFinite { point });
         }
-        let flat = ConvexHull {
-            facets: Vec::new(),
-            volume: 0.0,
-        };
+        let flat = ConvexHull { facets: Vec::new(), volume: 0.0 };
         let Some(frame) = Whitening::new(points) else {
             return Ok(flat);
         };
         for jog in JOGS {
             let mut noise = Noise::new();
-            let round: Vec<Vector6<f64>> = points
-                .iter()
-                .map(|p| frame.map(p) + noise.vector() * jog)
-                .collect();
+            let round: Vec<Vector6<f64>> = points.iter().map(|p| frame.map(p) + noise.vector() * jog).collect();
             match Quickhull::build(&round) {
                 Ok(hull) if hull.contains_all(1e-9 + 10.0 * jog) => {
                     return Ok(ConvexHull {
@@ -80,16 +70,11 @@ impl ConvexHull {
                 }
                 Ok(_) | Err(Broken::Rounding) => {}
                 Err(Broken::TooComplex) => {
-                    return Err(HullError::TooComplex {
-                        points: points.len(),
-                        limit: MAX_FACETS,
-                    });
+                    return Err(HullError::TooComplex { points: points.len(), limit: MAX_FACETS });
                 }
             }
         }
-        Err(HullError::NotClosed {
-            points: points.len(),
-        })
+        Err(HullError::NotClosed { points: points.len() })
     }
 
     /// Planes of the facets; a facet with more than six vertices appears once per simplex of its triangulation.
@@ -105,11 +90,7 @@ impl ConvexHull {
     /// Radius of the largest ball about the origin within the hull: Ferrari and Canny's epsilon. 0 where the origin is
     /// outside or on the hull, and for a flat hull.
     pub fn inner_radius(&self) -> f64 {
-        self.facets
-            .iter()
-            .map(|f| f.offset)
-            .reduce(f64::min)
-            .map_or(0.0, |least| least.max(0.0))
+        self.facets.iter().map(|f| f.offset).reduce(f64::min).map_or(0.0, |least| least.max(0.0))
     }
 }
 
@@ -130,21 +111,16 @@ impl Whitening {
         let mean = points.iter().sum::<Vector6<f64>>() / count;
         // The triangular factor of the centred points (Householder), not the root of their covariance, whose rounding
         // would hide a spread below 1e-8 of the largest.
-        let centred =
-            nalgebra::OMatrix::<f64, nalgebra::Dyn, nalgebra::U6>::from_fn(points.len(), |i, j| {
-                (points[i][j] - mean[j]) / count.sqrt()
-            });
+        let centred = nalgebra::OMatrix::<f64, nalgebra::Dyn, nalgebra::U6>::from_fn(points.len(), |i, j| {
+            (points[i][j] - mean[j]) / count.sqrt()
+        });
         let factor = centred.qr().r();
         let factor: Matrix6<f64> = factor.fixed_view::<D, D>(0, 0).transpose();
         let spread = factor.singular_values();
         if spread.max() <= 0.0 || spread.min() <= FLAT * spread.max() {
             return None;
         }
-        Some(Whitening {
-            mean,
-            inverse: factor.try_inverse()?,
-            determinant: factor.determinant().abs(),
-        })
+        Some(Whitening { mean, inverse: factor.try_inverse()?, determinant: factor.determinant().abs() })
     }
 
     fn map(&self, point: &Vector6<f64>) -> Vector6<f64> {
@@ -154,10 +130,7 @@ impl Whitening {
     fn unmap(&self, facet: &Facet) -> FacetPlane {
         let normal = self.inverse.tr_mul(&facet.normal);
         let length = normal.norm();
-        FacetPlane {
-            normal: normal / length,
-            offset: (facet.offset + normal.dot(&self.mean)) / length,
-        }
+        FacetPlane { normal: normal / length, offset: (facet.offset + normal.dot(&self.mean)) / length }
     }
 }
 

@@ -44,7 +44,7 @@ pub struct Dynamics<'a> {
 }
 
 impl Dynamics<'_> {
-    /// Centre of mass of the tree that `body` belongs to: the point that its spatial vectors refer to [m].
+    /// Centre of mass of the tree that `body` belongs to: the point that its spatial vectors refer to \[m\].
     pub fn reference_point(&self, body: usize) -> Vector3<f64> {
         let root = self.body_root[body] as usize;
         Vector3::from_column_slice(&self.subtree_com[3 * root..3 * root + 3])
@@ -193,10 +193,7 @@ pub struct FingerRow {
 impl FingerMobility {
     /// The finger with these degrees of freedom, parents first.
     pub fn new(dofs: Vec<usize>, dof_parent: &[i32]) -> Self {
-        let parents = dofs
-            .iter()
-            .map(|&d| dofs.iter().position(|&p| p as i32 == dof_parent[d]))
-            .collect();
+        let parents = dofs.iter().map(|&d| dofs.iter().position(|&p| p as i32 == dof_parent[d])).collect();
         FingerMobility {
             axes: vec![Spatial::zeros(); dofs.len()],
             momenta: vec![Spatial::zeros(); dofs.len()],
@@ -302,11 +299,7 @@ impl Mobility {
         Mobility {
             palm: BodyMobility::default(),
             target: BodyMobility::default(),
-            fingers: topology
-                .fingers()
-                .iter()
-                .map(|dofs| FingerMobility::new(dofs.clone(), dof_parent))
-                .collect(),
+            fingers: topology.fingers().iter().map(|dofs| FingerMobility::new(dofs.clone(), dof_parent)).collect(),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Grasps: contacts -> quality -> phase -> constraint.
 pub mod arrow;
+pub mod bounds;
+pub mod cholesky;
 pub mod closure;
 pub mod cone;
 mod conic;
@@ -10,6 +12,9 @@ mod detector;
 mod error;
 pub mod gram;
 pub mod hull;
+mod impedance;
+pub mod merged;
+mod merged_solve;
 pub mod mobility;
 pub mod phase;
 pub mod quality;
@@ -18,6 +23,7 @@ pub mod softness;
 pub mod solve;
 mod step;
 pub mod topology;
+mod weld;
 pub mod wrench;
 
 pub use contacts::GraspContact;
@@ -25,3 +31,4 @@ pub use controller::{DEFAULT_LATCH_TIME, Grasp, GraspSpec, Limits};
 pub use error::Error;
 pub use phase::Phase;
 pub use step::{StageClock, engine_step_timed, step, step_timed};
+pub use weld::weld_xml;

@@ -1,11 +1,10 @@
 //! When a grasp latches and when it is given up.
 
-/// The sum of many steps must not miss the mark by a rounding error [s].
+/// The sum of many steps must not miss the mark by a rounding error \[s\].
 const ROUNDING: f64 = 1e-9;
 
 /// The two states of the thesis (its Figure 4.1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[derive(serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
     /// The engine solves the contacts.
@@ -23,7 +22,7 @@ pub struct Observation {
     pub sufficient: bool,
     /// An effector pushes on the target.
     pub touching: bool,
-    /// Simulated time since the last observation [s].
+    /// Simulated time since the last observation \[s\].
     pub elapsed: f64,
 }
 
@@ -40,12 +39,7 @@ pub struct PhaseMachine {
 impl PhaseMachine {
     /// An ungrasped machine that latches after `latch_time` seconds of good quality.
     pub fn new(latch_time: f64) -> Self {
-        PhaseMachine {
-            phase: Phase::Ungrasped,
-            latch_time,
-            good_for: 0.0,
-            allowed: true,
-        }
+        PhaseMachine { phase: Phase::Ungrasped, latch_time, good_for: 0.0, allowed: true }
     }
 
     /// The present phase.
@@ -107,12 +101,7 @@ mod tests {
     const STEP: f64 = 0.002;
 
     fn seen(quality: f64, touching: bool) -> Observation {
-        Observation {
-            good: quality >= 0.2,
-            sufficient: quality >= 0.05,
-            touching,
-            elapsed: STEP,
-        }
+        Observation { good: quality >= 0.2, sufficient: quality >= 0.05, touching, elapsed: STEP }
     }
 
     fn run(machine: &mut PhaseMachine, qualities: impl IntoIterator<Item = f64>) -> usize {

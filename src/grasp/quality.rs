@@ -93,11 +93,7 @@ pub fn report(
     weight: &Vector6<f64>,
 ) -> Result<QualityReport, QualityError> {
     check(contacts, com)?;
-    let loaded: Vec<ContactForce> = contacts
-        .iter()
-        .copied()
-        .filter(|c| c.normal_force > 0.0)
-        .collect();
+    let loaded: Vec<ContactForce> = contacts.iter().copied().filter(|c| c.normal_force > 0.0).collect();
     let singular = singular_values(&loaded, com)?;
     let hull = wrench_hull(&loaded, com)?;
     Ok(QualityReport {
@@ -116,10 +112,7 @@ pub fn report(
 ///
 /// # Errors
 /// As [`report`].
-pub fn min_singular_value(
-    contacts: &[ContactForce],
-    com: &Vector3<f64>,
-) -> Result<f64, QualityError> {
+pub fn min_singular_value(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<f64, QualityError> {
     Ok(singular_values(contacts, com)?[5])
 }
 
@@ -135,44 +128,24 @@ pub fn isotropy(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<f64, Qu
 ///
 /// # Errors
 /// As [`report`].
-pub fn singular_values(
-    contacts: &[ContactForce],
-    com: &Vector3<f64>,
-) -> Result<[f64; 6], QualityError> {
+pub fn singular_values(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<[f64; 6], QualityError> {
     let columns = basis_wrenches(contacts, com)?;
     let width = columns.len().max(6);
     let g = Mat::from_fn(6, width, |i, j| columns.get(j).map_or(0.0, |w| w[i]));
-    let values = g
-        .singular_values()
-        .map_err(|_| QualityError::SingularValues {
-            contacts: contacts.len(),
-        })?;
+    let values = g.singular_values().map_err(|_| QualityError::SingularValues { contacts: contacts.len() })?;
     let largest = values.first().copied().unwrap_or(0.0);
-    Ok(std::array::from_fn(|k| {
-        values
-            .get(k)
-            .copied()
-            .filter(|&v| v > RANK_TOLERANCE * largest)
-            .unwrap_or(0.0)
-    }))
+    Ok(std::array::from_fn(|k| values.get(k).copied().filter(|&v| v > RANK_TOLERANCE * largest).unwrap_or(0.0)))
 }
 
 fn ratio(singular: &[f64; 6]) -> f64 {
-    if singular[0] > 0.0 {
-        singular[5] / singular[0]
-    } else {
-        0.0
-    }
+    if singular[0] > 0.0 { singular[5] / singular[0] } else { 0.0 }
 }
 
 /// The columns of G \[N\]: per contact its normal force and both members of each friction pair.
 ///
 /// # Errors
 /// Contacts or a centre of mass that are not numbers.
-pub fn basis_wrenches(
-    contacts: &[ContactForce],
-    com: &Vector3<f64>,
-) -> Result<Vec<Vector6<f64>>, QualityError> {
+pub fn basis_wrenches(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<Vec<Vector6<f64>>, QualityError> {
     check(contacts, com)?;
     let radius = contact_radius(contacts);
     let mut columns = Vec::with_capacity(contacts.len() * 11);
@@ -232,10 +205,7 @@ pub fn hull_volume(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<f64,
 ///
 /// # Errors
 /// As [`report`].
-pub fn wrench_hull(
-    contacts: &[ContactForce],
-    com: &Vector3<f64>,
-) -> Result<ConvexHull, QualityError> {
+pub fn wrench_hull(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<ConvexHull, QualityError> {
     Ok(ConvexHull::new(&primitive_wrenches(contacts, com)?)?)
 }
 
@@ -245,17 +215,13 @@ pub fn wrench_hull(
 ///
 /// # Errors
 /// Contacts or a centre of mass that are not numbers.
-pub fn primitive_wrenches(
-    contacts: &[ContactForce],
-    com: &Vector3<f64>,
-) -> Result<Vec<Vector6<f64>>, QualityError> {
+pub fn primitive_wrenches(contacts: &[ContactForce], com: &Vector3<f64>) -> Result<Vec<Vector6<f64>>, QualityError> {
     check(contacts, com)?;
     let radius = contact_radius(contacts);
     let mut wrenches = Vec::with_capacity(contacts.len() * (CONE_EDGES + 6));
     for c in contacts.iter().filter(|c| c.normal_force > 0.0) {
         let normal = c.normal_wrench(com, radius) * c.normal_force;
-        let side =
-            |row: usize| c.friction_wrench(row, com, radius) * (c.friction[row] * c.normal_force);
+        let side = |row: usize| c.friction_wrench(row, com, radius) * (c.friction[row] * c.normal_force);
         if c.condim == 1 {
             wrenches.push(normal);
             continue;
@@ -284,8 +250,5 @@ pub(crate) fn finite(what: &'static str, values: &[f64]) -> Result<(), QualityEr
     if values.iter().all(|x| x.is_finite()) {
         return Ok(());
     }
-    Err(QualityError::NotFinite {
-        what,
-        value: values.to_vec(),
-    })
+    Err(QualityError::NotFinite { what, value: values.to_vec() })
 }

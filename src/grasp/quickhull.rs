@@ -40,29 +40,16 @@ pub(super) struct Quickhull<'a> {
 impl<'a> Quickhull<'a> {
     pub(super) fn build(points: &'a [Vector6<f64>]) -> Result<Self, Broken> {
         let corners = first_simplex(points).ok_or(Broken::Rounding)?;
-        let inside = corners
-            .iter()
-            .map(|&i| points[i as usize])
-            .sum::<Vector6<f64>>()
-            / (D + 1) as f64;
-        let mut hull = Quickhull {
-            points,
-            facets: Vec::new(),
-            inside,
-        };
+        let inside = corners.iter().map(|&i| points[i as usize]).sum::<Vector6<f64>>() / (D + 1) as f64;
+        let mut hull = Quickhull { points, facets: Vec::new(), inside };
         for left_out in 0..=D {
             // Facet k lacks corner k; across the ridge without corner j lies facet j.
             let mut others = (0..=D).filter(|&k| k != left_out);
             let slots: [usize; D] = std::array::from_fn(|_| others.next().unwrap_or(0));
             let facet = hull.facet(slots.map(|k| corners[k]))?;
-            hull.facets.push(Facet {
-                neighbours: slots.map(|k| k as u32),
-                ..facet
-            });
+            hull.facets.push(Facet { neighbours: slots.map(|k| k as u32), ..facet });
         }
-        let rest: Vec<u32> = (0..points.len() as u32)
-            .filter(|i| !corners.contains(i))
-            .collect();
+        let rest: Vec<u32> = (0..points.len() as u32).filter(|i| !corners.contains(i)).collect();
         hull.share_out(&rest, 0);
         let mut open: Vec<u32> = (0..=D as u32).collect();
         while let Some(at) = open.pop() {
@@ -121,8 +108,7 @@ impl<'a> Quickhull<'a> {
             back[door] = new;
             for lacking in (0..D).filter(|&k| k != slot) {
                 let mut rest = (0..D).filter(|&k| k != slot && k != lacking);
-                let mut key: [u32; D - 2] =
-                    std::array::from_fn(|_| rest.next().map_or(0, |k| vertices[k]));
+                let mut key: [u32; D - 2] = std::array::from_fn(|_| rest.next().map_or(0, |k| vertices[k]));
                 key.sort_unstable();
                 ridges.push((key, new, lacking as u8));
             }
@@ -222,20 +208,13 @@ impl<'a> Quickhull<'a> {
 
     /// No point lies more than `tolerance` above a facet: all facets support the hull, and as they close, are the hull.
     pub(super) fn contains_all(&self, tolerance: f64) -> bool {
-        self.live().all(|f| {
-            self.points
-                .iter()
-                .all(|p| f.normal.dot(p) - f.offset <= tolerance)
-        })
+        self.live().all(|f| self.points.iter().all(|p| f.normal.dot(p) - f.offset <= tolerance))
     }
 
     /// Sum of the simplices from the inside to each facet.
     pub(super) fn volume(&self) -> f64 {
         let factorial = 720.0;
-        self.live()
-            .map(|f| (f.offset - f.normal.dot(&self.inside)) * f.parallelotope)
-            .sum::<f64>()
-            / factorial
+        self.live().map(|f| (f.offset - f.normal.dot(&self.inside)) * f.parallelotope).sum::<f64>() / factorial
     }
 }
 

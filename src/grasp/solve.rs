@@ -88,13 +88,7 @@ impl GraspSolver {
     }
 
     /// Adds the generalised forces of all contacts to `out`: on the target, and against it on the links.
-    pub fn add_forces(
-        &self,
-        dynamics: &Dynamics<'_>,
-        topology: &Topology,
-        contacts: &[GraspContact],
-        out: &mut [f64],
-    ) {
+    pub fn add_forces(&self, dynamics: &Dynamics<'_>, topology: &Topology, contacts: &[GraspContact], out: &mut [f64]) {
         let (mut on_palm, mut on_target) = (Spatial::zeros(), Spatial::zeros());
         let target = dynamics.reference_point(topology.target());
         for c in contacts {
@@ -150,9 +144,9 @@ impl GraspSolver {
             self.order.push(i);
         }
         let finger_rows = &self.finger_rows;
-        self.arrow.end_branch(finger.map(|_| {
-            |i: usize, j: usize| super::dense::dot(&finger_rows[i].whitened, &finger_rows[j].whitened)
-        }));
+        self.arrow.end_branch(
+            finger.map(|_| |i: usize, j: usize| super::dense::dot(&finger_rows[i].whitened, &finger_rows[j].whitened)),
+        );
     }
 
     /// `row0`: rows of this finger before this contact's.

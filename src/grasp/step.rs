@@ -7,6 +7,7 @@ use super::controller::{Grasp, Limits};
 use super::dense;
 use super::error::Error;
 use super::phase::Phase;
+use super::weld;
 use crate::mujoco::{ENABLE_ENERGY, Simulation};
 use std::time::{Duration, Instant};
 
@@ -66,13 +67,14 @@ pub fn engine_step_timed(sim: &mut Simulation, clock: &mut StageClock) -> Result
 }
 
 fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -> Result<(), Error> {
+    weld::adapt_settings(sim, grasps)?;
     sim.check_pos()?;
     sim.check_vel()?;
     sim.kinematics()?;
     sim.inertia()?;
     clock.contact(|| -> Result<(), Error> {
         detect(sim, grasps)?;
-        Ok(sim.make_constraint()?)
+        weld::make_constraint(sim, grasps)
     })?;
     sim.transmission()?;
     clock.contact(|| sim.project_constraint())?;
@@ -108,10 +110,10 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
 fn detect(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     let mut latched = grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped);
     let (first, second) = (latched.next(), latched.next());
-    if let (Some(only), None) = (first, second) {
-        if only.detect_alone(sim)? {
-            return Ok(());
-        }
+    if let (Some(only), None) = (first, second)
+        && only.detect_alone(sim)?
+    {
+        return Ok(());
     }
     sim.collision()?;
     for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
@@ -130,11 +132,14 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
         match grasp.limits() {
             Limits::Cones => grasp.solve_cones(sim, &mut force.generalised)?,
-            Limits::Box | Limits::Rigid => {}
+            Limits::Box | Limits::Rigid => grasp.load_merged(sim, &mut force.generalised)?,
         }
     }
     force.apply(sim)?;
     sim.constraint()?;
+    for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
+        grasp.read_merged(sim);
+    }
     force.count_as_constraint(sim);
     grasps[first].return_force(force);
     Ok(())

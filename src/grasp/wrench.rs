@@ -39,25 +39,17 @@ pub enum ContactError {
     #[error("contact {contact}: its {field} is not finite; every number of a contact must be")]
     NotFinite { contact: usize, field: &'static str },
     /// Normal and tangents are not an orthonormal frame.
-    #[error(
-        "contact {contact}: its normal and tangents are not orthonormal (off by {error:.1e}, at most 1e-6)"
-    )]
+    #[error("contact {contact}: its normal and tangents are not orthonormal (off by {error:.1e}, at most 1e-6)")]
     Frame { contact: usize, error: f64 },
     /// A contact dimension that MuJoCo does not have.
     #[error("contact {contact}: condim is {condim}; it must be 1, 3, 4 or 6")]
     Condim { contact: usize, condim: usize },
     /// A normal force that pulls.
-    #[error(
-        "contact {contact}: its normal force is {force} N; contacts push, so it must be 0 or more"
-    )]
+    #[error("contact {contact}: its normal force is {force} N; contacts push, so it must be 0 or more")]
     Pulling { contact: usize, force: f64 },
     /// A negative friction coefficient.
     #[error("contact {contact}: friction coefficient {index} is {value}; it must be 0 or more")]
-    Friction {
-        contact: usize,
-        index: usize,
-        value: f64,
-    },
+    Friction { contact: usize, index: usize, value: f64 },
 }
 
 impl ContactForce {
@@ -131,11 +123,7 @@ impl ContactForce {
                 return Err(ContactError::NotFinite { contact, field });
             }
             if value < 0.0 {
-                return Err(ContactError::Friction {
-                    contact,
-                    index,
-                    value,
-                });
+                return Err(ContactError::Friction { contact, index, value });
             }
         }
         let [t1, t2] = &self.tangents;
@@ -168,14 +156,8 @@ pub fn contact_radius(contacts: &[ContactForce]) -> f64 {
     if total.is_nan() || total <= 0.0 {
         return 0.0;
     }
-    let weighted: Vector3<f64> = contacts
-        .iter()
-        .map(|c| c.position * (c.normal_force / total))
-        .sum();
-    let radius: f64 = contacts
-        .iter()
-        .map(|c| (c.position - weighted).norm() * (c.normal_force / total))
-        .sum();
+    let weighted: Vector3<f64> = contacts.iter().map(|c| c.position * (c.normal_force / total)).sum();
+    let radius: f64 = contacts.iter().map(|c| (c.position - weighted).norm() * (c.normal_force / total)).sum();
     // Contacts on one spot leave only rounding, which must not pass for a length.
     let rounding = 1e-12 * weighted.norm();
     if radius > rounding { radius } else { 0.0 }

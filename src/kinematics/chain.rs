@@ -66,10 +66,7 @@ pub(super) struct Chain {
 /// Bodies from below the palm to the body of `site`, outwards.
 fn bodies_between(sim: &Simulation, palm: BodyId, site: SiteId) -> Result<Vec<usize>, Error> {
     let model = sim.model();
-    let mut body = *model
-        .site_bodyid()
-        .get(site.index())
-        .ok_or_else(|| not_below(sim, palm, site))? as usize;
+    let mut body = *model.site_bodyid().get(site.index()).ok_or_else(|| not_below(sim, palm, site))? as usize;
     let mut bodies = Vec::new();
     while body != palm.index() {
         if body == 0 {
@@ -83,47 +80,28 @@ fn bodies_between(sim: &Simulation, palm: BodyId, site: SiteId) -> Result<Vec<us
 }
 
 fn not_below(sim: &Simulation, palm: BodyId, site: SiteId) -> Error {
-    Error::NotBelow {
-        site: site_name(sim, site),
-        palm: body_name(sim, palm),
-    }
+    Error::NotBelow { site: site_name(sim, site), palm: body_name(sim, palm) }
 }
 
 pub(super) fn site_name(sim: &Simulation, site: SiteId) -> String {
-    sim.model()
-        .site_name(site)
-        .map_or_else(|| format!("site {}", site.index()), str::to_owned)
+    sim.model().site_name(site).map_or_else(|| format!("site {}", site.index()), str::to_owned)
 }
 
 pub(super) fn body_name(sim: &Simulation, body: BodyId) -> String {
-    sim.model()
-        .body_name(body)
-        .map_or_else(|| format!("body {}", body.index()), str::to_owned)
+    sim.model().body_name(body).map_or_else(|| format!("body {}", body.index()), str::to_owned)
 }
 
 /// Joints of `body`.
 fn joints_of(sim: &Simulation, body: usize) -> std::ops::Range<usize> {
     let model = sim.model();
     let (address, count) = (model.body_jntadr()[body], model.body_jntnum()[body]);
-    if address < 0 {
-        0..0
-    } else {
-        address as usize..(address + count) as usize
-    }
+    if address < 0 { 0..0 } else { address as usize..(address + count) as usize }
 }
 
 /// Joints between the palm and a site, outwards.
-pub(super) fn joints_between(
-    sim: &Simulation,
-    palm: BodyId,
-    site: SiteId,
-) -> Result<Vec<JointId>, Error> {
+pub(super) fn joints_between(sim: &Simulation, palm: BodyId, site: SiteId) -> Result<Vec<JointId>, Error> {
     let bodies = bodies_between(sim, palm, site)?;
-    Ok(bodies
-        .into_iter()
-        .flat_map(|b| joints_of(sim, b))
-        .map(JointId::from_index)
-        .collect())
+    Ok(bodies.into_iter().flat_map(|b| joints_of(sim, b)).map(JointId::from_index).collect())
 }
 
 fn vector(array: &[f64], index: usize) -> Vector3<f64> {
@@ -136,17 +114,9 @@ fn quaternion(array: &[f64], index: usize) -> UnitQuaternion<f64> {
 }
 
 impl Chain {
-    pub(super) fn new(
-        sim: &Simulation,
-        palm: BodyId,
-        sites: &[SiteId],
-        free: &[JointId],
-    ) -> Result<Self, Error> {
+    pub(super) fn new(sim: &Simulation, palm: BodyId, sites: &[SiteId], free: &[JointId]) -> Result<Self, Error> {
         let model = sim.model();
-        let paths = sites
-            .iter()
-            .map(|&s| bodies_between(sim, palm, s))
-            .collect::<Result<Vec<_>, _>>()?;
+        let paths = sites.iter().map(|&s| bodies_between(sim, palm, s)).collect::<Result<Vec<_>, _>>()?;
         let mut bodies: Vec<usize> = paths.iter().flatten().copied().collect();
         // MuJoCo numbers parents before children.
         bodies.sort_unstable();
@@ -161,9 +131,7 @@ impl Chain {
                     SLIDE => Kind::Slide,
                     HINGE => Kind::Hinge,
                     _ => {
-                        let joint = model
-                            .joint_name(id)
-                            .map_or_else(|| format!("joint {j}"), str::to_owned);
+                        let joint = model.joint_name(id).map_or_else(|| format!("joint {j}"), str::to_owned);
                         return Err(Error::Joint { joint });
                     }
                 };
@@ -235,11 +203,7 @@ impl Chain {
     pub(super) fn read(&self, sim: &Simulation, q: &mut [f64]) {
         for (q, joint) in q.iter_mut().zip(&self.joints) {
             let value = sim.qpos()[joint.address];
-            *q = if joint.free {
-                value.clamp(joint.lower, joint.upper)
-            } else {
-                value
-            };
+            *q = if joint.free { value.clamp(joint.lower, joint.upper) } else { value };
         }
     }
 
@@ -325,10 +289,7 @@ mod tests {
                 chain.point(0)
             };
             let difference = (at(eps) - at(-eps)) / (2.0 * eps);
-            assert!(
-                (difference - column).norm() < 1e-9,
-                "joint {j}: {difference} and {column}"
-            );
+            assert!((difference - column).norm() < 1e-9, "joint {j}: {difference} and {column}");
         }
     }
 

@@ -7,11 +7,7 @@
 #[inline]
 pub(super) unsafe fn slice<'a, T>(ptr: *const T, len: usize) -> &'a [T] {
     // SAFETY: as the caller promises.
-    if len == 0 {
-        &[]
-    } else {
-        unsafe { std::slice::from_raw_parts(ptr, len) }
-    }
+    if len == 0 { &[] } else { unsafe { std::slice::from_raw_parts(ptr, len) } }
 }
 
 /// A mutable slice over an engine array.
@@ -21,11 +17,7 @@ pub(super) unsafe fn slice<'a, T>(ptr: *const T, len: usize) -> &'a [T] {
 #[inline]
 pub(super) unsafe fn slice_mut<'a, T>(ptr: *mut T, len: usize) -> &'a mut [T] {
     // SAFETY: as the caller promises.
-    if len == 0 {
-        &mut []
-    } else {
-        unsafe { std::slice::from_raw_parts_mut(ptr, len) }
-    }
+    if len == 0 { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(ptr, len) } }
 }
 
 /// One factor of a length: a number, or the name of a size field of the model (or, for rows, of the data).

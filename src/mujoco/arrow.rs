@@ -22,26 +22,13 @@ const SHORTEST: f64 = 1e-6;
 
 impl Arrow {
     /// A force \[N\] that pulls away from a point (world frame, m), drawn with `scale` metres per newton.
-    pub fn from_point(
-        point: Vector3<f64>,
-        force: Vector3<f64>,
-        scale: f64,
-        rgba: [f32; 4],
-    ) -> Self {
-        Self {
-            from: point,
-            vector: scale * force,
-            width: 0.003,
-            rgba,
-        }
+    pub fn from_point(point: Vector3<f64>, force: Vector3<f64>, scale: f64, rgba: [f32; 4]) -> Self {
+        Self { from: point, vector: scale * force, width: 0.003, rgba }
     }
 
     /// The same with its tip at the point: a force that presses on what is there.
     pub fn to_point(point: Vector3<f64>, force: Vector3<f64>, scale: f64, rgba: [f32; 4]) -> Self {
-        Self {
-            from: point - scale * force,
-            ..Self::from_point(point, force, scale, rgba)
-        }
+        Self { from: point - scale * force, ..Self::from_point(point, force, scale, rgba) }
     }
 
     /// The same with another radius of the shaft \[m\].
@@ -55,12 +42,7 @@ impl Arrow {
         }
         check_value("an arrow's width", self.width, "positive", |w| w > 0.0)?;
         for channel in self.rgba {
-            check_value(
-                "a colour of an arrow",
-                channel.into(),
-                "between 0 and 1",
-                |c| (0.0..=1.0).contains(&c),
-            )?;
+            check_value("a colour of an arrow", channel.into(), "between 0 and 1", |c| (0.0..=1.0).contains(&c))?;
         }
         Ok(())
     }
@@ -77,9 +59,7 @@ impl Arrow {
         // SAFETY: the geom is exclusive; null stands for the engine's defaults; the colour has four numbers.
         unsafe {
             ffi::mjv_initGeom(geom, arrow, none, none, none, self.rgba.as_ptr());
-            ffi::mjv_makeConnector(
-                geom, arrow, self.width, from.x, from.y, from.z, to.x, to.y, to.z,
-            );
+            ffi::mjv_makeConnector(geom, arrow, self.width, from.x, from.y, from.z, to.x, to.y, to.z);
         }
         geom.category = ffi::mjCAT_DECOR as i32;
         geom.objtype = ffi::mjOBJ_UNKNOWN as i32;

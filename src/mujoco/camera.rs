@@ -38,18 +38,8 @@ impl Camera {
     }
 
     /// Looks at a point (world frame, m) from `distance` \[m\]; for the angles see [`Camera::Free`].
-    pub fn around(
-        point: Vector3<f64>,
-        distance: f64,
-        azimuth_deg: f64,
-        elevation_deg: f64,
-    ) -> Self {
-        Self::Free {
-            lookat: point,
-            distance,
-            azimuth_deg,
-            elevation_deg,
-        }
+    pub fn around(point: Vector3<f64>, distance: f64, azimuth_deg: f64, elevation_deg: f64) -> Self {
+        Self::Free { lookat: point, distance, azimuth_deg, elevation_deg }
     }
 
     /// A camera for scenes that have none suited to a grasp: it shows the whole hand (`palm` and all below it) and the
@@ -63,15 +53,12 @@ impl Camera {
         check_index(BodyId::KIND, target.index(), model.nbody())?;
         let hand = geoms_of(sim, &model.subtree(palm)?);
         let object = geoms_of(sim, &model.subtree(target)?);
-        let middle = |geoms: &[(Vector3<f64>, f64)]| {
-            geoms.iter().map(|g| g.0).sum::<Vector3<f64>>() / geoms.len().max(1) as f64
-        };
+        let middle =
+            |geoms: &[(Vector3<f64>, f64)]| geoms.iter().map(|g| g.0).sum::<Vector3<f64>>() / geoms.len().max(1) as f64;
         let all = [hand.as_slice(), object.as_slice()].concat();
         if all.is_empty() {
             let (palm, target) = (model.label(palm), model.label(target));
-            return Err(Error::Rendering(format!(
-                "neither {palm} nor {target} has a geom to look at"
-            )));
+            return Err(Error::Rendering(format!("neither {palm} nor {target} has a geom to look at")));
         }
         let from_palm = middle(&object) - middle(&hand);
         let forward = line_of_sight(from_palm, middle(&all) - robot_centre(sim, palm));
@@ -89,28 +76,13 @@ impl Camera {
     pub(super) fn check(&self, model: &CompiledModel) -> Result<(), Error> {
         match *self {
             Self::Fixed(id) => check_index(CameraId::KIND, id.index(), model.ncam()),
-            Self::Free {
-                lookat,
-                distance,
-                azimuth_deg,
-                elevation_deg,
-            } => {
+            Self::Free { lookat, distance, azimuth_deg, elevation_deg } => {
                 for coordinate in lookat.iter() {
-                    check_value(
-                        "a coordinate of the camera's lookat point",
-                        *coordinate,
-                        "finite",
-                        |_| true,
-                    )?;
+                    check_value("a coordinate of the camera's lookat point", *coordinate, "finite", |_| true)?;
                 }
                 check_value("the camera's distance", distance, "positive", |d| d > 0.0)?;
                 check_value("the camera's azimuth_deg", azimuth_deg, "finite", |_| true)?;
-                check_value(
-                    "the camera's elevation_deg",
-                    elevation_deg,
-                    "finite",
-                    |_| true,
-                )
+                check_value("the camera's elevation_deg", elevation_deg, "finite", |_| true)
             }
         }
     }
@@ -120,16 +92,10 @@ impl Camera {
 /// 25 degrees downward, and from outside the robot rather than through it.
 fn line_of_sight(hand_axis: Vector3<f64>, outward: Vector3<f64>) -> Vector3<f64> {
     let horizontal = |v: Vector3<f64>| Vector3::new(v.x, v.y, 0.0).try_normalize(1e-9);
-    let open = horizontal(hand_axis)
-        .or_else(|| horizontal(outward))
-        .unwrap_or_else(Vector3::x);
+    let open = horizontal(hand_axis).or_else(|| horizontal(outward)).unwrap_or_else(Vector3::x);
     let side = Vector3::z().cross(&open);
     // Of both sides, the one away from the rest of the robot.
-    let side = if side.dot(&outward) < 0.0 {
-        -side
-    } else {
-        side
-    };
+    let side = if side.dot(&outward) < 0.0 { -side } else { side };
     let away = horizontal(0.8 * side + 0.6 * open).unwrap_or(side);
     let (sin, cos) = 25f64.to_radians().sin_cos();
     -(cos * away + sin * Vector3::z())
@@ -138,20 +104,11 @@ fn line_of_sight(hand_axis: Vector3<f64>, outward: Vector3<f64>) -> Vector3<f64>
 /// The point to look at and the least distance from it from which all spheres are within the angle `fovy` \[rad\], up and
 /// down and to both sides.
 fn fit(spheres: &[(Vector3<f64>, f64)], forward: Vector3<f64>, fovy: f64) -> (Vector3<f64>, f64) {
-    let right = forward
-        .cross(&Vector3::z())
-        .try_normalize(1e-9)
-        .unwrap_or_else(Vector3::y);
+    let right = forward.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or_else(Vector3::y);
     let up = right.cross(&forward);
     let middle = |axis: &Vector3<f64>| {
-        let low = spheres
-            .iter()
-            .map(|(p, r)| p.dot(axis) - r)
-            .fold(f64::INFINITY, f64::min);
-        let high = spheres
-            .iter()
-            .map(|(p, r)| p.dot(axis) + r)
-            .fold(f64::NEG_INFINITY, f64::max);
+        let low = spheres.iter().map(|(p, r)| p.dot(axis) - r).fold(f64::INFINITY, f64::min);
+        let high = spheres.iter().map(|(p, r)| p.dot(axis) + r).fold(f64::NEG_INFINITY, f64::max);
         0.5 * (low + high) * axis
     };
     let lookat = middle(&right) + middle(&up) + middle(&forward);
@@ -171,14 +128,9 @@ fn fit(spheres: &[(Vector3<f64>, f64)], forward: Vector3<f64>, fovy: f64) -> (Ve
 fn geoms_of(sim: &Simulation, bodies: &[BodyId]) -> Vec<(Vector3<f64>, f64)> {
     let model = sim.model();
     let (owners, groups, radii) = (model.geom_bodyid(), model.geom_group(), model.geom_rbound());
-    let drawn = |g: &usize| {
-        groups[*g] <= LAST_DRAWN_GROUP && bodies.iter().any(|b| b.index() as i32 == owners[*g])
-    };
+    let drawn = |g: &usize| groups[*g] <= LAST_DRAWN_GROUP && bodies.iter().any(|b| b.index() as i32 == owners[*g]);
     let position = |g: usize| Vector3::from_column_slice(&sim.geom_xpos()[3 * g..3 * g + 3]);
-    (0..model.ngeom())
-        .filter(drawn)
-        .map(|g| (position(g), radii[g]))
-        .collect()
+    (0..model.ngeom()).filter(drawn).map(|g| (position(g), radii[g])).collect()
 }
 
 /// Centre of mass of the tree that the palm belongs to.

@@ -1,5 +1,8 @@
 //! Collision detection for chosen geoms only, with the engine's own narrow phase.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::contact::Contact;
 use super::error::{Error, check_index, check_length};
 use super::ffi;
@@ -78,23 +81,10 @@ impl PairCollider {
             let [a, b] = pair.geoms;
             (first[a] && second[b]) || (first[b] && second[a])
         });
-        let parameters: Vec<_> = pairs
-            .iter()
-            .map(|pair| ContactParameters::new(model, pair))
-            .collect();
-        let probes = pairs
-            .iter()
-            .zip(&parameters)
-            .map(|(pair, parameters)| Probe::new(sim, pair, parameters.margin))
-            .collect();
-        Ok(Self {
-            pairs,
-            probes,
-            parameters,
-            buffer: Buffer::new(),
-            ngeom: model.ngeom(),
-            npair: model.npair(),
-        })
+        let parameters: Vec<_> = pairs.iter().map(|pair| ContactParameters::new(model, pair)).collect();
+        let probes =
+            pairs.iter().zip(&parameters).map(|(pair, parameters)| Probe::new(sim, pair, parameters.margin)).collect();
+        Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), ngeom: model.ngeom(), npair: model.npair() })
     }
 
     /// Number of geom pairs.
@@ -105,9 +95,7 @@ impl PairCollider {
     /// Whether a contact of these two geoms is one that this collider finds. The order does not matter.
     pub fn covers(&self, geoms: [GeomId; 2]) -> bool {
         let [a, b] = geoms.map(GeomId::index);
-        self.pairs
-            .iter()
-            .any(|pair| pair.geoms == [a, b] || pair.geoms == [b, a])
+        self.pairs.iter().any(|pair| pair.geoms == [a, b] || pair.geoms == [b, a])
     }
 
     /// Replaces `out` by the contacts of the present poses (see [`Simulation::kinematics`]); allocates nothing once
@@ -130,11 +118,7 @@ impl PairCollider {
                     let (pair, parameters) = (&self.pairs[i], &self.parameters[i]);
                     // SAFETY: model and data belong together, and have the pair's geoms.
                     let found = unsafe { buffer.collide(m, d, pair.geoms, parameters.margin) };
-                    let found = if probe.boxes {
-                        without_repeats(found)
-                    } else {
-                        found
-                    };
+                    let found = if probe.boxes { without_repeats(found) } else { found };
                     let friction = parameters.friction(sim.model());
                     for raw in found {
                         out.push(contact(raw, pair, parameters, friction)?);
@@ -163,12 +147,7 @@ impl Probe {
         } else {
             (Bound::Nothing, f64::INFINITY)
         };
-        Self {
-            geoms: pair.geoms.map(|geom| geom as u32),
-            test,
-            boxes: kinds == [ffi::mjGEOM_BOX as i32; 2],
-            reach,
-        }
+        Self { geoms: pair.geoms.map(|geom| geom as u32), test, boxes: kinds == [ffi::mjGEOM_BOX as i32; 2], reach }
     }
 
     /// # Safety
@@ -273,18 +252,11 @@ fn complete_frame(raw: &[f64; 9]) -> Result<Matrix3<f64>, Error> {
     let [x0, x1, x2, y0, y1, y2, ..] = *raw;
     let (normal, length) = normalized([x0, x1, x2]);
     if length < 0.5 {
-        return Err(Error::Engine {
-            call: NAME,
-            message: "xaxis of contact frame undefined".into(),
-        });
+        return Err(Error::Engine { call: NAME, message: "xaxis of contact frame undefined".into() });
     }
     let mut hint = [y0, y1, y2];
     if dot(&hint, &hint).sqrt() < 0.5 {
-        hint = if normal[1] < 0.5 && normal[1] > -0.5 {
-            [0.0, 1.0, 0.0]
-        } else {
-            [0.0, 0.0, 1.0]
-        };
+        hint = if normal[1] < 0.5 && normal[1] > -0.5 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };
     }
     let along = dot(&normal, &hint);
     let (tangent, _) = normalized(std::array::from_fn(|i| hint[i] - normal[i] * along));

@@ -43,10 +43,7 @@ pub(super) fn check_version() -> Result<(), Error> {
     if u32::try_from(library) == Ok(ffi::mjVERSION_HEADER) {
         return Ok(());
     }
-    Err(Error::Version {
-        header: header_version(),
-        library: readable(u32::try_from(library).unwrap_or(0)),
-    })
+    Err(Error::Version { header: header_version(), library: readable(u32::try_from(library).unwrap_or(0)) })
 }
 
 fn readable(version: u32) -> String {
@@ -63,11 +60,7 @@ pub(super) fn eq_active(m: *mut ffi::mjModel, _d: *mut ffi::mjData) -> *mut u8 {
 ///
 /// # Safety
 /// `m` and `d` belong together; `dst` has room for `nv * nv` numbers.
-pub(super) unsafe fn full_mass_matrix(
-    m: *const ffi::mjModel,
-    d: *const ffi::mjData,
-    dst: *mut f64,
-) {
+pub(super) unsafe fn full_mass_matrix(m: *const ffi::mjModel, d: *const ffi::mjData, dst: *mut f64) {
     // SAFETY: as the caller promises.
     unsafe { ffi::mj_fullM(m, dst, (*d).qM) }
 }

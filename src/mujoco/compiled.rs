@@ -21,9 +21,7 @@ unsafe impl Sync for CompiledModel {}
 impl Drop for CompiledModel {
     fn drop(&mut self) {
         // SAFETY: allocated by the engine, freed once. Freeing cannot fault; were it to, there is nobody to tell.
-        let _ = guard::call("mj_deleteModel", || unsafe {
-            ffi::mj_deleteModel(self.ptr.as_ptr())
-        });
+        let _ = guard::call("mj_deleteModel", || unsafe { ffi::mj_deleteModel(self.ptr.as_ptr()) });
     }
 }
 
@@ -81,15 +79,10 @@ impl CompiledModel {
     /// A private copy.
     pub(super) fn duplicate(&self) -> Result<Self, Error> {
         // SAFETY: a null destination makes the engine allocate a new model.
-        let copy = guard::call("mj_copyModel", || unsafe {
-            ffi::mj_copyModel(std::ptr::null_mut(), self.as_ptr())
-        })?;
+        let copy = guard::call("mj_copyModel", || unsafe { ffi::mj_copyModel(std::ptr::null_mut(), self.as_ptr()) })?;
         match NonNull::new(copy) {
             Some(ptr) => Ok(Self { ptr }),
-            None => Err(Error::Engine {
-                call: "mj_copyModel",
-                message: "no model was returned".into(),
-            }),
+            None => Err(Error::Engine { call: "mj_copyModel", message: "no model was returned".into() }),
         }
     }
 
@@ -183,8 +176,7 @@ impl CompiledModel {
     fn find<I: Id>(&self, name: &str, count: usize) -> Result<I, Error> {
         let index = CString::new(name).ok().and_then(|c_name| {
             // SAFETY: the name is NUL-terminated; the engine only reads.
-            let index =
-                unsafe { ffi::mj_name2id(self.as_ptr(), I::OBJECT as i32, c_name.as_ptr()) };
+            let index = unsafe { ffi::mj_name2id(self.as_ptr(), I::OBJECT as i32, c_name.as_ptr()) };
             usize::try_from(index).ok()
         });
         // The empty name is how MuJoCo marks an element without one.
@@ -195,14 +187,8 @@ impl CompiledModel {
     }
 
     fn unknown_name<I: Id>(&self, name: &str, count: usize) -> Error {
-        let names: Vec<&str> = (0..count)
-            .filter_map(|i| self.name_of(I::from_index(i)))
-            .collect();
-        Error::UnknownName {
-            kind: I::KIND,
-            name: name.into(),
-            hint: hint(name, &names),
-        }
+        let names: Vec<&str> = (0..count).filter_map(|i| self.name_of(I::from_index(i))).collect();
+        Error::UnknownName { kind: I::KIND, name: name.into(), hint: hint(name, &names) }
     }
 }
 
@@ -215,34 +201,17 @@ fn hint(name: &str, names: &[&str]) -> String {
     }
     let mut close: Vec<(f64, &str)> = names
         .iter()
-        .map(|known| {
-            (
-                strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()),
-                *known,
-            )
-        })
+        .map(|known| (strsim::jaro_winkler(&name.to_lowercase(), &known.to_lowercase()), *known))
         .filter(|(similarity, _)| *similarity > 0.75)
         .collect();
     close.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut text = String::new();
     if !close.is_empty() {
-        let close: Vec<String> = close
-            .iter()
-            .take(CLOSE)
-            .map(|(_, known)| format!("{known:?}"))
-            .collect();
+        let close: Vec<String> = close.iter().take(CLOSE).map(|(_, known)| format!("{known:?}")).collect();
         text.push_str(&format!("; did you mean {}?", close.join(" or ")));
     }
-    let listed: Vec<String> = names
-        .iter()
-        .take(LISTED)
-        .map(|known| format!("{known:?}"))
-        .collect();
-    let more = if names.len() > LISTED {
-        format!(" and {} more", names.len() - LISTED)
-    } else {
-        String::new()
-    };
+    let listed: Vec<String> = names.iter().take(LISTED).map(|known| format!("{known:?}")).collect();
+    let more = if names.len() > LISTED { format!(" and {} more", names.len() - LISTED) } else { String::new() };
     text.push_str(&format!(" (there are {}{more})", listed.join(", ")));
     text
 }

@@ -104,9 +104,7 @@ impl Simulation {
         let mut local = [0.0; 6];
         if self.has_rows(&raw[i]) {
             // SAFETY: the contact exists and all of its rows do.
-            self.query("mj_contactForce", |m, d| unsafe {
-                ffi::mj_contactForce(m, d, i as i32, local.as_mut_ptr())
-            })?;
+            self.query("mj_contactForce", |m, d| unsafe { ffi::mj_contactForce(m, d, i as i32, local.as_mut_ptr()) })?;
         }
         let to_world = frame_of(&raw[i]).transpose();
         Ok(ContactForce {
@@ -149,11 +147,7 @@ impl Simulation {
     /// Whether the contact's rows are among the current ones.
     fn has_rows(&self, raw: &ffi::mjContact) -> bool {
         let dim = raw.dim as usize;
-        let rows = if dim > 1 && self.model().cone() == Cone::Pyramidal {
-            2 * (dim - 1)
-        } else {
-            dim
-        };
+        let rows = if dim > 1 && self.model().cone() == Cone::Pyramidal { 2 * (dim - 1) } else { dim };
         usize::try_from(raw.efc_address).is_ok_and(|first| first + rows <= self.nefc())
     }
 }

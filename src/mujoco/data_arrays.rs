@@ -195,9 +195,6 @@ impl Simulation {
 
     /// The most contacts and constraint rows since the last reset.
     pub fn peak_use(&self) -> (usize, usize) {
-        (
-            self.data().maxuse_con as usize,
-            self.data().maxuse_efc as usize,
-        )
+        (self.data().maxuse_con as usize, self.data().maxuse_efc as usize)
     }
 }

@@ -40,22 +40,13 @@ impl Context {
     /// Makes a context in the compatibility profile, which the engine's renderer needs.
     pub fn new() -> Result<Self, Error> {
         let platform = platform()?;
-        let Platform {
-            egl,
-            display,
-            config,
-        } = platform;
+        let Platform { egl, display, config } = platform;
         // The API is chosen for each thread.
-        egl.bind_api(egl::OPENGL_API)
-            .map_err(|e| unavailable(format!("EGL does not offer OpenGL: {e}")))?;
+        egl.bind_api(egl::OPENGL_API).map_err(|e| unavailable(format!("EGL does not offer OpenGL: {e}")))?;
         let context = egl
             .create_context(*display, *config, None, &[egl::NONE])
             .map_err(|e| unavailable(format!("EGL makes no OpenGL context: {e}")))?;
-        Ok(Self {
-            platform,
-            context,
-            thread: PhantomData,
-        })
+        Ok(Self { platform, context, thread: PhantomData })
     }
 
     /// Directs OpenGL calls of this thread to this context.
@@ -79,57 +70,29 @@ impl Drop for Context {
 
 fn platform() -> Result<&'static Platform, Error> {
     static PLATFORM: OnceLock<Result<Platform, String>> = OnceLock::new();
-    PLATFORM
-        .get_or_init(open)
-        .as_ref()
-        .map_err(|why| unavailable(why.clone()))
+    PLATFORM.get_or_init(open).as_ref().map_err(|why| unavailable(why.clone()))
 }
 
 fn open() -> Result<Platform, String> {
     // SAFETY: libEGL's initialisation has no conditions on the caller.
-    let egl = unsafe { Instance::load_required() }
-        .map_err(|e| format!("libEGL.so.1 (EGL 1.5) does not load: {e}"))?;
+    let egl = unsafe { Instance::load_required() }.map_err(|e| format!("libEGL.so.1 (EGL 1.5) does not load: {e}"))?;
     let offers = |display: Option<egl::Display>, extension: &str| {
-        let list = egl
-            .query_string(display, egl::EXTENSIONS)
-            .map(|list| list.to_string_lossy().into_owned());
+        let list = egl.query_string(display, egl::EXTENSIONS).map(|list| list.to_string_lossy().into_owned());
         let found = list.is_ok_and(|list| list.split(' ').any(|e| e == extension));
-        if found {
-            Ok(())
-        } else {
-            Err(format!("EGL lacks {extension}"))
-        }
+        if found { Ok(()) } else { Err(format!("EGL lacks {extension}")) }
     };
     offers(None, CLIENT_EXTENSION)?;
     // SAFETY: the platform takes no native display; EGL_DEFAULT_DISPLAY is what its specification asks for.
-    let display = unsafe {
-        egl.get_platform_display(
-            PLATFORM_SURFACELESS_MESA,
-            egl::DEFAULT_DISPLAY,
-            &[egl::ATTRIB_NONE],
-        )
-    }
-    .map_err(|e| format!("EGL opens no display without a window system: {e}"))?;
-    egl.initialize(display)
-        .map_err(|e| format!("EGL finds no driver: {e}"))?;
+    let display =
+        unsafe { egl.get_platform_display(PLATFORM_SURFACELESS_MESA, egl::DEFAULT_DISPLAY, &[egl::ATTRIB_NONE]) }
+            .map_err(|e| format!("EGL opens no display without a window system: {e}"))?;
+    egl.initialize(display).map_err(|e| format!("EGL finds no driver: {e}"))?;
     offers(Some(display), DISPLAY_EXTENSION)?;
     // The default asks for window surfaces, which this platform does not have.
-    let wanted = [
-        egl::SURFACE_TYPE,
-        egl::PBUFFER_BIT,
-        egl::RENDERABLE_TYPE,
-        egl::OPENGL_BIT,
-        egl::NONE,
-    ];
-    let config = egl
-        .choose_first_config(display, &wanted)
-        .map_err(|e| format!("EGL lists no configurations: {e}"))?;
+    let wanted = [egl::SURFACE_TYPE, egl::PBUFFER_BIT, egl::RENDERABLE_TYPE, egl::OPENGL_BIT, egl::NONE];
+    let config = egl.choose_first_config(display, &wanted).map_err(|e| format!("EGL lists no configurations: {e}"))?;
     let config = config.ok_or("EGL has no configuration that can draw with OpenGL")?;
-    Ok(Platform {
-        egl,
-        display,
-        config,
-    })
+    Ok(Platform { egl, display, config })
 }
 
 fn unavailable(why: String) -> Error {

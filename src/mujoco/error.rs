@@ -178,24 +178,12 @@ impl fmt::Display for Buffer {
 
 /// `Ok` if `got == expected`.
 pub(super) fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), Error> {
-    if got == expected {
-        Ok(())
-    } else {
-        Err(Error::Length {
-            what,
-            expected,
-            got,
-        })
-    }
+    if got == expected { Ok(()) } else { Err(Error::Length { what, expected, got }) }
 }
 
 /// `Ok` if `index < count`.
 pub(super) fn check_index(kind: &'static str, index: usize, count: usize) -> Result<(), Error> {
-    if index < count {
-        Ok(())
-    } else {
-        Err(Error::OutOfRange { kind, index, count })
-    }
+    if index < count { Ok(()) } else { Err(Error::OutOfRange { kind, index, count }) }
 }
 
 /// `Ok` if `value` is finite and satisfies `ok`.
@@ -205,9 +193,5 @@ pub(super) fn check_value(
     rule: &'static str,
     ok: impl FnOnce(f64) -> bool,
 ) -> Result<(), Error> {
-    if value.is_finite() && ok(value) {
-        Ok(())
-    } else {
-        Err(Error::Value { what, value, rule })
-    }
+    if value.is_finite() && ok(value) { Ok(()) } else { Err(Error::Value { what, value, rule }) }
 }

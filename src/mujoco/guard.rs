@@ -44,9 +44,7 @@ fn fault(call: &'static str, payload: Box<dyn std::any::Any + Send>) -> Error {
         Ok(fault) => Error::Engine {
             call,
             message: match fault.0.as_str() {
-                "Stack overflow" => {
-                    "Stack overflow: raise nstack in the model's <size> element".into()
-                }
+                "Stack overflow" => "Stack overflow: raise nstack in the model's <size> element".into(),
                 _ => fault.0,
             },
         },
@@ -103,9 +101,7 @@ mod tests {
     fn a_fault_returns_the_engines_message() {
         let text = c"wheel %d fell off";
         // SAFETY: a constant format string with one integer.
-        let result = call("mju_error_i", || unsafe {
-            ffi::mju_error_i(text.as_ptr(), 3)
-        });
+        let result = call("mju_error_i", || unsafe { ffi::mju_error_i(text.as_ptr(), 3) });
         match result {
             Err(Error::Engine { call, message }) => {
                 assert_eq!(call, "mju_error_i");

@@ -10,12 +10,7 @@ use nalgebra::{DMatrix, Vector3, Vector6};
 impl Simulation {
     /// Jacobian of a point fixed in `body`, at `point` (world, m): `twist = J qvel`, with twist [linear; angular] in
     /// world axes. `out` is 6 x nv, row-major.
-    pub fn jac_point(
-        &self,
-        body: BodyId,
-        point: &Vector3<f64>,
-        out: &mut [f64],
-    ) -> Result<(), Error> {
+    pub fn jac_point(&self, body: BodyId, point: &Vector3<f64>, out: &mut [f64]) -> Result<(), Error> {
         let body = self.index_of(body, self.model().nbody())?;
         self.jacobian("mj_jac", out, |m, d, jacp, jacr| {
             // SAFETY: the body exists; each half of the buffer takes 3 x nv numbers.
@@ -27,44 +22,32 @@ impl Simulation {
     pub fn jac_body(&self, body: BodyId, out: &mut [f64]) -> Result<(), Error> {
         let body = self.index_of(body, self.model().nbody())?;
         // SAFETY: as above.
-        self.jacobian("mj_jacBody", out, |m, d, jacp, jacr| unsafe {
-            ffi::mj_jacBody(m, d, jacp, jacr, body)
-        })
+        self.jacobian("mj_jacBody", out, |m, d, jacp, jacr| unsafe { ffi::mj_jacBody(m, d, jacp, jacr, body) })
     }
 
     /// As [`jac_point`](Self::jac_point), at the body's centre of mass.
     pub fn jac_body_com(&self, body: BodyId, out: &mut [f64]) -> Result<(), Error> {
         let body = self.index_of(body, self.model().nbody())?;
         // SAFETY: as above.
-        self.jacobian("mj_jacBodyCom", out, |m, d, jacp, jacr| unsafe {
-            ffi::mj_jacBodyCom(m, d, jacp, jacr, body)
-        })
+        self.jacobian("mj_jacBodyCom", out, |m, d, jacp, jacr| unsafe { ffi::mj_jacBodyCom(m, d, jacp, jacr, body) })
     }
 
     /// As [`jac_point`](Self::jac_point), at a site.
     pub fn jac_site(&self, site: SiteId, out: &mut [f64]) -> Result<(), Error> {
         let site = self.index_of(site, self.model().nsite())?;
         // SAFETY: the site exists; otherwise as above.
-        self.jacobian("mj_jacSite", out, |m, d, jacp, jacr| unsafe {
-            ffi::mj_jacSite(m, d, jacp, jacr, site)
-        })
+        self.jacobian("mj_jacSite", out, |m, d, jacp, jacr| unsafe { ffi::mj_jacSite(m, d, jacp, jacr, site) })
     }
 
     /// As [`jac_point`](Self::jac_point), at a geom's centre.
     pub fn jac_geom(&self, geom: GeomId, out: &mut [f64]) -> Result<(), Error> {
         let geom = self.index_of(geom, self.model().ngeom())?;
         // SAFETY: the geom exists; otherwise as above.
-        self.jacobian("mj_jacGeom", out, |m, d, jacp, jacr| unsafe {
-            ffi::mj_jacGeom(m, d, jacp, jacr, geom)
-        })
+        self.jacobian("mj_jacGeom", out, |m, d, jacp, jacr| unsafe { ffi::mj_jacGeom(m, d, jacp, jacr, geom) })
     }
 
     /// [`jac_point`](Self::jac_point) as a new 6 x nv matrix.
-    pub fn point_jacobian(
-        &self,
-        body: BodyId,
-        point: &Vector3<f64>,
-    ) -> Result<DMatrix<f64>, Error> {
+    pub fn point_jacobian(&self, body: BodyId, point: &Vector3<f64>) -> Result<DMatrix<f64>, Error> {
         let nv = self.model().nv();
         let mut rows = vec![0.0; 6 * nv];
         self.jac_point(body, point, &mut rows)?;
@@ -80,9 +63,7 @@ impl Simulation {
         let nv = self.model().nv();
         check_length("the buffer for a 6 x nv Jacobian", 6 * nv, out.len())?;
         let (linear, angular) = out.split_at_mut(3 * nv);
-        self.query(call, |m, d| {
-            f(m, d, linear.as_mut_ptr(), angular.as_mut_ptr())
-        })
+        self.query(call, |m, d| f(m, d, linear.as_mut_ptr(), angular.as_mut_ptr()))
     }
 
     fn index_of<I: Id>(&self, id: I, count: usize) -> Result<i32, Error> {
@@ -98,17 +79,11 @@ impl Simulation {
             return Ok(());
         }
         // SAFETY: the lengths are those that the engine uses.
-        self.query("mj_mulJacVec", |m, d| unsafe {
-            ffi::mj_mulJacVec(m, d, out.as_mut_ptr(), v.as_ptr())
-        })
+        self.query("mj_mulJacVec", |m, d| unsafe { ffi::mj_mulJacVec(m, d, out.as_mut_ptr(), v.as_ptr()) })
     }
 
     /// `out = J^T f`: from constraint space (nefc) to generalized forces, with the current rows.
-    pub fn mul_constraint_jacobian_transposed(
-        &self,
-        f: &[f64],
-        out: &mut [f64],
-    ) -> Result<(), Error> {
+    pub fn mul_constraint_jacobian_transposed(&self, f: &[f64], out: &mut [f64]) -> Result<(), Error> {
         check_length("the constraint-space vector", self.nefc(), f.len())?;
         check_length("the generalized result", self.model().nv(), out.len())?;
         if f.is_empty() {
@@ -116,24 +91,16 @@ impl Simulation {
             return Ok(());
         }
         // SAFETY: the lengths are those that the engine uses.
-        self.query("mj_mulJacTVec", |m, d| unsafe {
-            ffi::mj_mulJacTVec(m, d, out.as_mut_ptr(), f.as_ptr())
-        })
+        self.query("mj_mulJacTVec", |m, d| unsafe { ffi::mj_mulJacTVec(m, d, out.as_mut_ptr(), f.as_ptr()) })
     }
 
     /// The inertia matrix, nv x nv (kg, kg m, kg m^2), into `out`; it is symmetric. Valid after
     /// [`inertia`](Self::inertia).
     pub fn full_mass_matrix_into(&self, out: &mut [f64]) -> Result<(), Error> {
         let nv = self.model().nv();
-        check_length(
-            "the buffer for the nv x nv inertia matrix",
-            nv * nv,
-            out.len(),
-        )?;
+        check_length("the buffer for the nv x nv inertia matrix", nv * nv, out.len())?;
         // SAFETY: the buffer takes nv x nv numbers.
-        self.query("mj_fullM", |m, d| unsafe {
-            compat::full_mass_matrix(m, d, out.as_mut_ptr())
-        })
+        self.query("mj_fullM", |m, d| unsafe { compat::full_mass_matrix(m, d, out.as_mut_ptr()) })
     }
 
     /// The inertia matrix as a new matrix.
@@ -154,9 +121,7 @@ impl Simulation {
         let count = (x.len() / nv) as i32;
         let x = x.as_mut_ptr();
         // SAFETY: `count` vectors of nv numbers; the engine allows source and result to be the same.
-        self.query("mj_solveM", |m, d| unsafe {
-            ffi::mj_solveM(m, d, x, x, count)
-        })
+        self.query("mj_solveM", |m, d| unsafe { ffi::mj_solveM(m, d, x, x, count) })
     }
 
     /// `out = M v`. Valid after [`inertia`](Self::inertia).
@@ -165,18 +130,11 @@ impl Simulation {
         check_length("the generalized vector", nv, v.len())?;
         check_length("the generalized result", nv, out.len())?;
         // SAFETY: both hold nv numbers.
-        self.query("mj_mulM", |m, d| unsafe {
-            ffi::mj_mulM(m, d, out.as_mut_ptr(), v.as_ptr())
-        })
+        self.query("mj_mulM", |m, d| unsafe { ffi::mj_mulM(m, d, out.as_mut_ptr(), v.as_ptr()) })
     }
 
     /// Sets the wrench that acts on a body from now on: force (N) at its centre of mass and torque (N m), world axes.
-    pub fn set_body_wrench(
-        &mut self,
-        body: BodyId,
-        force: &Vector3<f64>,
-        torque: &Vector3<f64>,
-    ) -> Result<(), Error> {
+    pub fn set_body_wrench(&mut self, body: BodyId, force: &Vector3<f64>, torque: &Vector3<f64>) -> Result<(), Error> {
         check_index(BodyId::KIND, body.index(), self.model().nbody())?;
         let wrench = &mut self.xfrc_applied_mut()[6 * body.index()..6 * body.index() + 6];
         wrench[..3].copy_from_slice(force.as_slice());
@@ -187,9 +145,7 @@ impl Simulation {
     /// The wrench set with [`set_body_wrench`](Self::set_body_wrench), [force; torque].
     pub fn body_wrench(&self, body: BodyId) -> Result<Vector6<f64>, Error> {
         check_index(BodyId::KIND, body.index(), self.model().nbody())?;
-        Ok(Vector6::from_column_slice(
-            &self.xfrc_applied()[6 * body.index()..6 * body.index() + 6],
-        ))
+        Ok(Vector6::from_column_slice(&self.xfrc_applied()[6 * body.index()..6 * body.index() + 6]))
     }
 
     /// Removes the wrenches from all bodies.

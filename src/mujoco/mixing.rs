@@ -83,11 +83,7 @@ impl ContactParameters {
             let direct = solref.iter().any(|reference| reference[0] <= 0.0);
             parameters.solref = std::array::from_fn(|i| {
                 let values = [solref[0][i], solref[1][i]];
-                if direct {
-                    values[0].min(values[1])
-                } else {
-                    blend(values)
-                }
+                if direct { values[0].min(values[1]) } else { blend(values) }
             });
             parameters.solimp = std::array::from_fn(|i| blend([solimp[0][i], solimp[1][i]]));
         }

@@ -22,11 +22,13 @@ mod guard;
 mod ids;
 mod jacobian;
 mod kinds;
+mod ledger;
 mod mixing;
 mod model;
 mod model_arrays;
 mod options;
 mod pairs;
+mod placement;
 mod poses;
 mod proximity;
 mod render;
@@ -47,12 +49,9 @@ pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};
 pub use ids::{
-    ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId,
-    SiteId, TendonId,
+    ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId, SiteId, TendonId,
 };
-pub use kinds::{
-    Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver,
-};
+pub use kinds::{Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver};
 pub use model::Model;
 pub use render::{Drawing, Renderer};
 pub use rows::ConstraintRow;

@@ -44,26 +44,17 @@ impl Model {
     pub fn from_xml_file_with(path: impl AsRef<Path>, extra_xml: &str) -> Result<Self, Error> {
         let path = path.as_ref();
         check_readable(path)?;
-        let bare = path
-            .file_name()
-            .and_then(|name| name.to_str())
-            .map(escape)
-            .ok_or_else(|| not_text(path))?;
+        let bare = path.file_name().and_then(|name| name.to_str()).map(escape).ok_or_else(|| not_text(path))?;
         // The wrapper pretends to lie beside the user's file, so that includes, meshes and textures are found from
         // there; the engine looks up memory files by their last part, so that part must be unique.
         static COUNT: AtomicU64 = AtomicU64::new(0);
         let unique = COUNT.fetch_add(1, Ordering::Relaxed);
-        let wrapper =
-            path.with_file_name(format!("mujoco-grasp-{}-{unique}.xml", std::process::id()));
+        let wrapper = path.with_file_name(format!("mujoco-grasp-{}-{unique}.xml", std::process::id()));
         let xml = format!("<mujoco>\n<include file=\"{bare}\"/>\n{extra_xml}\n</mujoco>\n");
         let name = path_text(&wrapper)?;
         let mut vfs = Vfs::new();
         vfs.add(name, xml.as_bytes())?;
-        load(
-            name,
-            Some(&vfs),
-            format!("{} with added elements", path.display()),
-        )
+        load(name, Some(&vfs), format!("{} with added elements", path.display()))
     }
 
     /// Loads an MJCF or URDF text. Files that it names are looked up from the working directory.
@@ -94,10 +85,8 @@ impl Model {
 
 fn load(name: &str, vfs: Option<&Vfs>, what: String) -> Result<Model, Error> {
     compat::check_version()?;
-    let c_name = CString::new(name).map_err(|_| Error::Load {
-        what: what.clone(),
-        message: "the path contains a NUL byte".into(),
-    })?;
+    let c_name = CString::new(name)
+        .map_err(|_| Error::Load { what: what.clone(), message: "the path contains a NUL byte".into() })?;
     let vfs = vfs.map_or(std::ptr::null(), Vfs::as_ptr);
     let mut text = [0 as c_char; 4096];
     let loaded = guard::call("mj_loadXML", || {
@@ -107,10 +96,7 @@ fn load(name: &str, vfs: Option<&Vfs>, what: String) -> Result<Model, Error> {
     guard::install(); // The compiler swaps the handlers while it works.
     let mut warnings = guard::take_texts();
     // SAFETY: the engine NUL-terminates what it writes, and the buffer starts as zeros.
-    let text = unsafe { CStr::from_ptr(text.as_ptr()) }
-        .to_string_lossy()
-        .trim()
-        .to_string();
+    let text = unsafe { CStr::from_ptr(text.as_ptr()) }.to_string_lossy().trim().to_string();
     match NonNull::new(loaded?) {
         Some(ptr) => {
             if !text.is_empty() {
@@ -118,17 +104,10 @@ fn load(name: &str, vfs: Option<&Vfs>, what: String) -> Result<Model, Error> {
             }
             // SAFETY: a fresh model that nobody else has.
             let compiled = Arc::new(unsafe { CompiledModel::from_raw(ptr) });
-            Ok(Model {
-                compiled,
-                warnings: warnings.into(),
-            })
+            Ok(Model { compiled, warnings: warnings.into() })
         }
         None => {
-            let message = if text.is_empty() {
-                "MuJoCo gave no reason".into()
-            } else {
-                text
-            };
+            let message = if text.is_empty() { "MuJoCo gave no reason".into() } else { text };
             Err(Error::Load { what, message })
         }
     }
@@ -136,10 +115,7 @@ fn load(name: &str, vfs: Option<&Vfs>, what: String) -> Result<Model, Error> {
 
 /// A missing or unreadable file gets the system's reason, which MuJoCo's own message leaves out.
 fn check_readable(path: &Path) -> Result<(), Error> {
-    let fail = |source| Error::File {
-        path: path.to_path_buf(),
-        source,
-    };
+    let fail = |source| Error::File { path: path.to_path_buf(), source };
     let file = std::fs::File::open(path).map_err(fail)?;
     if file.metadata().map_err(fail)?.is_dir() {
         return Err(fail(std::io::Error::from(std::io::ErrorKind::IsADirectory)));
@@ -152,15 +128,10 @@ fn path_text(path: &Path) -> Result<&str, Error> {
 }
 
 fn not_text(path: &Path) -> Error {
-    Error::Load {
-        what: path.display().to_string(),
-        message: "the path must be a file's, in UTF-8".into(),
-    }
+    Error::Load { what: path.display().to_string(), message: "the path must be a file's, in UTF-8".into() }
 }
 
 /// For use inside a double-quoted XML attribute.
 fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('"', "&quot;")
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

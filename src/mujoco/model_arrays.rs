@@ -212,12 +212,7 @@ impl CompiledModel {
     /// the same point in body 1 (3), orientation of body 2 in body 1 (4), torquescale.
     pub fn eq_data(&self) -> &[f64] {
         // SAFETY: as in `read_arrays!`, with the engine's number of columns.
-        unsafe {
-            slice(
-                self.fields().eq_data,
-                self.fields().neq as usize * compat::EQ_DATA,
-            )
-        }
+        unsafe { slice(self.fields().eq_data, self.fields().neq as usize * compat::EQ_DATA) }
     }
 
     /// Numbers per equality constraint in [`eq_data`](Self::eq_data).

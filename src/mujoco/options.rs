@@ -109,26 +109,17 @@ impl CompiledModel {
 
     /// Type of a joint; `None` if it does not exist.
     pub fn joint_kind(&self, id: JointId) -> Option<JointKind> {
-        self.jnt_type()
-            .get(id.index())
-            .copied()
-            .map(JointKind::from_raw)
+        self.jnt_type().get(id.index()).copied().map(JointKind::from_raw)
     }
 
     /// Shape of a geom; `None` if it does not exist.
     pub fn geom_kind(&self, id: GeomId) -> Option<GeomKind> {
-        self.geom_type()
-            .get(id.index())
-            .copied()
-            .map(GeomKind::from_raw)
+        self.geom_type().get(id.index()).copied().map(GeomKind::from_raw)
     }
 
     /// Type of an equality constraint; `None` if it does not exist.
     pub fn equality_kind(&self, id: EqualityId) -> Option<EqualityKind> {
-        self.eq_type()
-            .get(id.index())
-            .copied()
-            .map(EqualityKind::from_raw)
+        self.eq_type().get(id.index()).copied().map(EqualityKind::from_raw)
     }
 }
 
@@ -139,12 +130,7 @@ impl Simulation {
 
     /// Sets the time step, s; more than zero.
     pub fn set_timestep(&mut self, timestep: f64) -> Result<(), Error> {
-        check_value(
-            "the time step",
-            timestep,
-            "finite and more than zero",
-            |h| h > 0.0,
-        )?;
+        check_value("the time step", timestep, "finite and more than zero", |h| h > 0.0)?;
         self.options_mut().timestep = timestep;
         Ok(())
     }
@@ -160,26 +146,21 @@ impl Simulation {
 
     /// Sets the integrator.
     pub fn set_integrator(&mut self, integrator: Integrator) -> Result<(), Error> {
-        self.options_mut().integrator = known(
-            integrator.raw(),
-            matches!(integrator, Integrator::Other(_)),
-            "integrator",
-        )?;
+        self.options_mut().integrator =
+            known(integrator.raw(), matches!(integrator, Integrator::Other(_)), "integrator")?;
         Ok(())
     }
 
     /// Sets the friction cone's shape. The current contacts and constraint rows are dropped.
     pub fn set_cone(&mut self, cone: Cone) -> Result<(), Error> {
-        self.options_mut().cone =
-            known(cone.raw(), matches!(cone, Cone::Other(_)), "friction cone")?;
+        self.options_mut().cone = known(cone.raw(), matches!(cone, Cone::Other(_)), "friction cone")?;
         self.forget_contacts();
         Ok(())
     }
 
     /// Sets the constraint solver. The current contacts and constraint rows are dropped.
     pub fn set_solver(&mut self, solver: Solver) -> Result<(), Error> {
-        self.options_mut().solver =
-            known(solver.raw(), matches!(solver, Solver::Other(_)), "solver")?;
+        self.options_mut().solver = known(solver.raw(), matches!(solver, Solver::Other(_)), "solver")?;
         self.forget_contacts();
         Ok(())
     }
@@ -200,29 +181,21 @@ impl Simulation {
 
     /// Sets the iterations of the noslip solver; 0 for none. The current contacts and constraint rows are dropped.
     pub fn set_noslip_iterations(&mut self, iterations: usize) -> Result<(), Error> {
-        self.options_mut().noslip_iterations =
-            count("the number of noslip iterations", iterations, 0)?;
+        self.options_mut().noslip_iterations = count("the number of noslip iterations", iterations, 0)?;
         self.forget_contacts();
         Ok(())
     }
 
     /// Sets the solver's tolerance; zero or more.
     pub fn set_tolerance(&mut self, tolerance: f64) -> Result<(), Error> {
-        check_value(
-            "the solver tolerance",
-            tolerance,
-            "finite and zero or more",
-            |t| t >= 0.0,
-        )?;
+        check_value("the solver tolerance", tolerance, "finite and zero or more", |t| t >= 0.0)?;
         self.options_mut().tolerance = tolerance;
         Ok(())
     }
 
     /// Sets the ratio of friction to normal impedance of elliptic contacts; more than zero.
     pub fn set_impratio(&mut self, impratio: f64) -> Result<(), Error> {
-        check_value("impratio", impratio, "finite and more than zero", |r| {
-            r > 0.0
-        })?;
+        check_value("impratio", impratio, "finite and more than zero", |r| r > 0.0)?;
         self.options_mut().impratio = impratio;
         Ok(())
     }
@@ -253,37 +226,19 @@ impl Simulation {
     fn set_disabled(&mut self, bit: u32, disabled: bool) {
         let flags = &mut self.options_mut().disableflags;
         let bit = bit as i32;
-        *flags = if disabled {
-            *flags | bit
-        } else {
-            *flags & !bit
-        };
+        *flags = if disabled { *flags | bit } else { *flags & !bit };
     }
 }
 
 fn known(raw: i32, unknown: bool, what: &'static str) -> Result<i32, Error> {
-    if unknown {
-        Err(Error::Unsupported(format!(
-            "MuJoCo 2.2.2 has no {what} number {raw}"
-        )))
-    } else {
-        Ok(raw)
-    }
+    if unknown { Err(Error::Unsupported(format!("MuJoCo 2.2.2 has no {what} number {raw}"))) } else { Ok(raw) }
 }
 
 fn count(what: &'static str, value: usize, least: usize) -> Result<i32, Error> {
     let most = ffi::mjNSOLVER as usize;
-    let rule = if least == 0 {
-        "from 0 to 1000"
-    } else {
-        "from 1 to 1000"
-    };
+    let rule = if least == 0 { "from 0 to 1000" } else { "from 1 to 1000" };
     match i32::try_from(value) {
         Ok(number) if (least..=most).contains(&value) => Ok(number),
-        _ => Err(Error::Value {
-            what,
-            value: value as f64,
-            rule,
-        }),
+        _ => Err(Error::Value { what, value: value as f64, rule }),
     }
 }

@@ -75,10 +75,7 @@ fn dynamic_pairs(sim: &Simulation) -> impl Iterator<Item = (i32, TestedPair)> + 
 }
 
 /// Predefined pairs come before the dynamic ones of their body pair and replace them, geom pair by geom pair.
-fn merged(
-    predefined: Vec<(i32, TestedPair)>,
-    dynamic: impl Iterator<Item = (i32, TestedPair)>,
-) -> Vec<TestedPair> {
+fn merged(predefined: Vec<(i32, TestedPair)>, dynamic: impl Iterator<Item = (i32, TestedPair)>) -> Vec<TestedPair> {
     let mut all = Vec::new();
     let mut waiting = predefined.iter().peekable();
     for (signature, pair) in dynamic {
@@ -101,17 +98,9 @@ fn merged(
 fn ordered(sim: &Simulation, geoms: [usize; 2], predefined: Option<usize>) -> Option<TestedPair> {
     let kinds = sim.model().geom_type();
     let [geom1, geom2] = geoms;
-    let geoms = if kinds[geom1] > kinds[geom2] {
-        [geom2, geom1]
-    } else {
-        [geom1, geom2]
-    };
+    let geoms = if kinds[geom1] > kinds[geom2] { [geom2, geom1] } else { [geom1, geom2] };
     narrow_phase(geoms.map(|geom| kinds[geom]))?;
-    Some(TestedPair {
-        geoms,
-        bodies: geoms.map(|geom| sim.model().geom_bodyid()[geom] as usize),
-        predefined,
-    })
+    Some(TestedPair { geoms, bodies: geoms.map(|geom| sim.model().geom_bodyid()[geom] as usize), predefined })
 }
 
 /// mj_contactFilter: contype and conaffinity agree, and the bodies are neither welded together nor parent and child.
@@ -121,8 +110,7 @@ fn passes_filter(sim: &Simulation, pair: &TestedPair) -> bool {
     let [affine1, affine2] = pair.geoms.map(|geom| model.geom_conaffinity()[geom]);
     let [weld1, weld2] = pair.bodies.map(|body| model.body_weldid()[body]);
     let parent = |weld: i32| model.body_weldid()[model.body_parentid()[weld as usize] as usize];
-    let filters_parents =
-        model.disable_flags() & ffi::mjDSBL_FILTERPARENT == 0 && weld1 != 0 && weld2 != 0;
+    let filters_parents = model.disable_flags() & ffi::mjDSBL_FILTERPARENT == 0 && weld1 != 0 && weld2 != 0;
     (types1 & affine2 != 0 || types2 & affine1 != 0)
         && weld1 != weld2
         && !(filters_parents && (weld1 == parent(weld2) || weld2 == parent(weld1)))

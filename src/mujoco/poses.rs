@@ -42,8 +42,7 @@ impl Simulation {
     /// Inertia of a body about its own centre of mass, world axes, kg m^2.
     pub fn body_inertia_world(&self, id: BodyId) -> Matrix3<f64> {
         let axes = matrix(self.ximat(), id.index());
-        axes * Matrix3::from_diagonal(&vector(self.model().body_inertia(), id.index()))
-            * axes.transpose()
+        axes * Matrix3::from_diagonal(&vector(self.model().body_inertia(), id.index())) * axes.transpose()
     }
 
     /// Twist of a body, [linear; angular]: the velocity of its frame's origin (m/s) and its angular velocity (rad/s),

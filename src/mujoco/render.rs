@@ -73,10 +73,7 @@ impl Renderer {
     /// [`Error::Value`] for a size of zero or above 4096, [`Error::Rendering`] when OpenGL cannot be used without a
     /// display (it names the Debian packages to install), [`Error::Engine`] with the engine's own message.
     pub fn new(model: &CompiledModel, width: u32, height: u32) -> Result<Self, Error> {
-        for (what, size) in [
-            ("the picture's width", width),
-            ("the picture's height", height),
-        ] {
+        for (what, size) in [("the picture's width", width), ("the picture's height", height)] {
             let rule = "between 1 and 4096 pixels";
             super::error::check_value(what, size.into(), rule, |_| (1..=LARGEST).contains(&size))?;
         }
@@ -88,14 +85,7 @@ impl Renderer {
         let (engine, scene) = empty();
         let made_for = fingerprint(&model);
         // From here on `drop` frees what exists, also when one of these calls fails.
-        let mut renderer = Self {
-            engine,
-            scene,
-            context,
-            width,
-            height,
-            made_for,
-        };
+        let mut renderer = Self { engine, scene, context, width, height, made_for };
         renderer.fill(&model)?;
         Ok(renderer)
     }
@@ -120,18 +110,11 @@ impl Renderer {
     /// [`Error::OutOfRange`] for a camera that does not exist, [`Error::Value`] for a camera or arrow with bad numbers,
     /// [`Error::Rendering`] for a simulation of another model and for more things than the scene has room for,
     /// [`Error::Engine`] with the engine's own message.
-    pub fn draw(
-        &mut self,
-        sim: &Simulation,
-        camera: Camera,
-        drawing: &Drawing,
-    ) -> Result<RgbImage, Error> {
+    pub fn draw(&mut self, sim: &Simulation, camera: Camera, drawing: &Drawing) -> Result<RgbImage, Error> {
         camera.check(sim.model())?;
         drawing.arrows.iter().try_for_each(Arrow::check)?;
         if fingerprint(sim.model()) != self.made_for {
-            return Err(Error::Rendering(
-                "the simulation is of another model than the renderer was made for".into(),
-            ));
+            return Err(Error::Rendering("the simulation is of another model than the renderer was made for".into()));
         }
         self.context.make_current()?;
         self.update(sim, camera, drawing)?;
@@ -147,9 +130,7 @@ impl Renderer {
         let textures = unsafe { (*m).ntex };
         if textures as usize > self.engine.texture.len() {
             let room = self.engine.texture.len();
-            return Err(Error::Rendering(format!(
-                "the model has {textures} textures; at most {room} can be drawn"
-            )));
+            return Err(Error::Rendering(format!("the model has {textures} textures; at most {room} can be drawn")));
         }
         // Each site and geom may also get a frame or a label; tendons take one geom for each piece of their path.
         let room = 3 * (model.ngeom() + model.nsite()) + 100 * model.ntendon() + DECORATIONS;
@@ -177,9 +158,7 @@ impl Renderer {
             let all = ffi::mjCAT_ALL as i32;
             // SAFETY: model and data belong together and the scene was made for a model of these sizes; no
             // perturbation is given.
-            unsafe {
-                ffi::mjv_updateScene(m, d, &options, std::ptr::null(), &mut camera, all, scene)
-            }
+            unsafe { ffi::mjv_updateScene(m, d, &options, std::ptr::null(), &mut camera, all, scene) }
         })?;
         self.check_room(0)
     }
@@ -206,20 +185,13 @@ impl Renderer {
         if used + more < room {
             return Ok(());
         }
-        Err(Error::Rendering(format!(
-            "the picture needs more than the {room} geoms that there is room for"
-        )))
+        Err(Error::Rendering(format!("the picture needs more than the {room} geoms that there is room for")))
     }
 
     /// Draws the scene and reads the pixels back.
     fn picture(&mut self) -> Result<RgbImage, Error> {
         let mut picture = RgbImage::new(self.width, self.height);
-        let viewport = ffi::mjrRect {
-            left: 0,
-            bottom: 0,
-            width: self.width as i32,
-            height: self.height as i32,
-        };
+        let viewport = ffi::mjrRect { left: 0, bottom: 0, width: self.width as i32, height: self.height as i32 };
         let (scene, engine) = (&mut self.scene, &self.engine);
         guard::call("mjr_render", || {
             // SAFETY: the OpenGL context of scene and engine context is current, its buffer is at least as large as
@@ -243,9 +215,7 @@ impl Drop for Renderer {
         // Without its OpenGL context current there is nothing of the engine's that could be freed.
         if self.context.make_current().is_ok() {
             // SAFETY: as above, and its OpenGL context is current.
-            let _ = guard::call("mjr_freeContext", || unsafe {
-                ffi::mjr_freeContext(engine)
-            });
+            let _ = guard::call("mjr_freeContext", || unsafe { ffi::mjr_freeContext(engine) });
         }
     }
 }
@@ -262,18 +232,9 @@ fn prepare(model: &mut CompiledModel, width: u32, height: u32) {
 fn fingerprint(model: &CompiledModel) -> Fingerprint {
     // SAFETY: valid for as long as `model`.
     let m = unsafe { &*model.as_ptr() };
-    let of_renderer = [
-        m.nmesh,
-        m.nmeshvert,
-        m.nmeshface,
-        m.nhfield,
-        m.ntex,
-        m.nskin,
-    ];
+    let of_renderer = [m.nmesh, m.nmeshvert, m.nmeshface, m.nhfield, m.ntex, m.nskin];
     let [mesh, vertices, faces, fields, textures, skins] = of_renderer;
-    [
-        mesh, vertices, faces, fields, textures, skins, m.ngeom, m.nsite, m.ntendon,
-    ]
+    [mesh, vertices, faces, fields, textures, skins, m.ngeom, m.nsite, m.ntendon]
 }
 
 fn empty() -> (ffi::mjrContext, ffi::mjvScene) {
@@ -321,12 +282,7 @@ fn engine_camera(camera: Camera) -> ffi::mjvCamera {
             engine.type_ = ffi::mjCAMERA_FIXED as i32;
             engine.fixedcamid = id.index() as i32;
         }
-        Camera::Free {
-            lookat,
-            distance,
-            azimuth_deg,
-            elevation_deg,
-        } => {
+        Camera::Free { lookat, distance, azimuth_deg, elevation_deg } => {
             engine.type_ = ffi::mjCAMERA_FREE as i32;
             engine.lookat = lookat.into();
             engine.distance = distance;

@@ -27,10 +27,7 @@ impl Simulation {
     /// Identity of a row.
     pub fn constraint_row(&self, row: usize) -> Result<ConstraintRow, Error> {
         self.check_row(row)?;
-        Ok(ConstraintRow {
-            kind: RowKind::from_raw(self.efc_type()[row]),
-            id: self.efc_id()[row] as usize,
-        })
+        Ok(ConstraintRow { kind: RowKind::from_raw(self.efc_type()[row]), id: self.efc_id()[row] as usize })
     }
 
     /// What a row did in the last solve.
@@ -44,10 +41,7 @@ impl Simulation {
         let ids = &self.efc_id()[..self.ne()];
         let belongs = |row_id: &i32| usize::try_from(*row_id) == Ok(id.index());
         let first = ids.iter().position(belongs)?;
-        let count = ids[first..]
-            .iter()
-            .take_while(|row_id| belongs(row_id))
-            .count();
+        let count = ids[first..].iter().take_while(|row_id| belongs(row_id)).count();
         Some(first..first + count)
     }
 
@@ -56,11 +50,7 @@ impl Simulation {
     pub fn make_friction_rows(&mut self, count: usize) -> Result<Range<usize>, Error> {
         let ne = self.ne();
         if count > ne {
-            return Err(Error::OutOfRange {
-                kind: "equality row",
-                index: count,
-                count: ne,
-            });
+            return Err(Error::OutOfRange { kind: "equality row", index: count, count: ne });
         }
         let rows = ne - count..ne;
         let data = self.data_mut();
@@ -86,12 +76,7 @@ impl Simulation {
                 "constraint row {row} has no friction limit: the friction rows are {friction:?}"
             )));
         }
-        check_value(
-            "the friction limit",
-            limit,
-            "finite and zero or more",
-            |limit| limit >= 0.0,
-        )?;
+        check_value("the friction limit", limit, "finite and zero or more", |limit| limit >= 0.0)?;
         // SAFETY: `row < nefc`.
         unsafe { *self.data_mut().efc_frictionloss.add(row) = limit };
         Ok(())
@@ -111,21 +96,10 @@ impl Simulation {
     pub fn set_row_kbip(&mut self, row: usize, kbip: [f64; 4]) -> Result<(), Error> {
         self.check_row(row)?;
         for value in kbip {
-            check_value(
-                "a row's stiffness, damping or impedance",
-                value,
-                "finite",
-                |_| true,
-            )?;
+            check_value("a row's stiffness, damping or impedance", value, "finite", |_| true)?;
         }
         // SAFETY: `row < nefc`, four numbers per row.
-        unsafe {
-            self.data_mut()
-                .efc_KBIP
-                .add(4 * row)
-                .cast::<[f64; 4]>()
-                .write_unaligned(kbip)
-        };
+        unsafe { self.data_mut().efc_KBIP.add(4 * row).cast::<[f64; 4]>().write_unaligned(kbip) };
         Ok(())
     }
 
@@ -133,9 +107,7 @@ impl Simulation {
     /// the engine relies on.
     pub fn set_row_regularization(&mut self, row: usize, r: f64) -> Result<(), Error> {
         self.check_row(row)?;
-        check_value("the regularization", r, "finite and more than zero", |r| {
-            r > 0.0 && (1.0 / r).is_finite()
-        })?;
+        check_value("the regularization", r, "finite and more than zero", |r| r > 0.0 && (1.0 / r).is_finite())?;
         let data = self.data_mut();
         // SAFETY: `row < nefc`.
         unsafe {
@@ -187,12 +159,7 @@ impl Simulation {
         }
         if !self.model().is_sparse() {
             // SAFETY: `row < nefc` rows of nv numbers, apart from the caller's.
-            unsafe {
-                self.data_mut()
-                    .efc_J
-                    .add(row * nv)
-                    .copy_from_nonoverlapping(jacobian.as_ptr(), nv)
-            };
+            unsafe { self.data_mut().efc_J.add(row * nv).copy_from_nonoverlapping(jacobian.as_ptr(), nv) };
             return Ok(());
         }
         self.set_sparse_row(row, jacobian)
@@ -200,10 +167,7 @@ impl Simulation {
 
     fn set_sparse_row(&mut self, row: usize, jacobian: &[f64]) -> Result<(), Error> {
         let (_, columns) = self.sparse_row(row);
-        let held = columns
-            .iter()
-            .filter(|column| jacobian[**column as usize] != 0.0)
-            .count();
+        let held = columns.iter().filter(|column| jacobian[**column as usize] != 0.0).count();
         if held < jacobian.iter().filter(|value| **value != 0.0).count() {
             return Err(Error::Unsupported(format!(
                 "the new Jacobian of constraint row {row} has non-zeros outside the row's columns {columns:?}"
@@ -213,17 +177,12 @@ impl Simulation {
         // SAFETY: row addresses, counts and column indices are the engine's own, made for the current rows; the
         // transpose has an entry for every entry of the row.
         unsafe {
-            let (start, count) = (
-                *data.efc_J_rowadr.add(row) as usize,
-                *data.efc_J_rownnz.add(row) as usize,
-            );
+            let (start, count) = (*data.efc_J_rowadr.add(row) as usize, *data.efc_J_rownnz.add(row) as usize);
             for k in start..start + count {
                 let column = *data.efc_J_colind.add(k) as usize;
                 *data.efc_J.add(k) = jacobian[column];
-                let (first, rows) = (
-                    *data.efc_JT_rowadr.add(column) as usize,
-                    *data.efc_JT_rownnz.add(column) as usize,
-                );
+                let (first, rows) =
+                    (*data.efc_JT_rowadr.add(column) as usize, *data.efc_JT_rownnz.add(column) as usize);
                 for k in first..first + rows {
                     if *data.efc_JT_colind.add(k) as usize == row {
                         *data.efc_JT.add(k) = jacobian[column];
@@ -239,14 +198,8 @@ impl Simulation {
         let data = self.data();
         // SAFETY: `row < nefc`; address and count are the engine's own.
         unsafe {
-            let (start, count) = (
-                *data.efc_J_rowadr.add(row) as usize,
-                *data.efc_J_rownnz.add(row) as usize,
-            );
-            (
-                slice(data.efc_J.add(start), count),
-                slice(data.efc_J_colind.add(start), count),
-            )
+            let (start, count) = (*data.efc_J_rowadr.add(row) as usize, *data.efc_J_rownnz.add(row) as usize);
+            (slice(data.efc_J.add(start), count), slice(data.efc_J_colind.add(start), count))
         }
     }
 

@@ -4,25 +4,24 @@
 use super::shape::{Pose, Shape};
 use nalgebra::Vector3;
 
-const ITERATIONS: usize = 24;
-/// The bound is good enough at this fraction of the distance.
+const ITERATIONS: usize = 32;
+/// A bound is good enough at this fraction of the true clearance.
 const ACCURACY: f64 = 0.9;
 
-/// A lower bound of the distance between two shapes, m; not positive if they may overlap. The search ends early at a
-/// bound of `enough`.
+/// How far beyond `margin` two shapes are apart, m: a lower bound, good to a tenth, and not positive if they may be
+/// closer than the margin.
 ///
 /// Any direction `v` separates the shapes by `min v.(a - b) / |v|` over their points, which the supports give exactly:
 /// the bound holds wherever the search for a good `v` goes. Of two half-spaces nothing is known: minus infinity.
-pub(super) fn separation(a: (&Shape, &Pose), b: (&Shape, &Pose), enough: f64) -> f64 {
-    let rounding = a.0.rounding + b.0.rounding;
+pub(super) fn clearance(a: (&Shape, &Pose), b: (&Shape, &Pose), margin: f64) -> f64 {
+    let thickness = a.0.rounding + b.0.rounding + margin;
     let normals = [a.0.half_space_normal(a.1), b.0.half_space_normal(b.1)];
-    let core = match normals {
-        [None, None] => convex(a, b, enough + rounding),
-        [Some(normal), None] => height(&normal, a.1, b),
-        [None, Some(normal)] => height(&normal, b.1, a),
+    match normals {
+        [None, None] => convex(a, b, thickness),
+        [Some(normal), None] => height(&normal, a.1, b) - thickness,
+        [None, Some(normal)] => height(&normal, b.1, a) - thickness,
         [Some(_), Some(_)] => f64::NEG_INFINITY,
-    };
-    core - rounding
+    }
 }
 
 /// Height of a core above a plane.
@@ -30,7 +29,8 @@ fn height(normal: &Vector3<f64>, plane: &Pose, (shape, pose): (&Shape, &Pose)) -
     normal.dot(&(shape.support(pose, &-normal) - plane.position))
 }
 
-fn convex(a: (&Shape, &Pose), b: (&Shape, &Pose), enough: f64) -> f64 {
+/// Distance of two cores beyond `thickness`.
+fn convex(a: (&Shape, &Pose), b: (&Shape, &Pose), thickness: f64) -> f64 {
     let mut v = a.1.position - b.1.position;
     let mut simplex = Simplex::default();
     let mut bound = f64::NEG_INFINITY;
@@ -40,11 +40,10 @@ fn convex(a: (&Shape, &Pose), b: (&Shape, &Pose), enough: f64) -> f64 {
             break;
         }
         let nearest = a.0.support(a.1, &-v) - b.0.support(b.1, &v);
-        let plane = v.dot(&nearest) / length;
-        if plane > bound {
-            bound = plane;
-        }
-        if bound >= enough || (simplex.count > 0 && bound >= ACCURACY * length) {
+        bound = bound.max(v.dot(&nearest) / length - thickness);
+        // From the first point on, `v` is a point of the difference, so it is not shorter than the distance.
+        let most = length - thickness;
+        if simplex.count > 0 && (bound >= ACCURACY * most || most <= 0.0) {
             break;
         }
         v = simplex.add(nearest);
@@ -91,11 +90,7 @@ impl Nearest {
     fn new(at: Vector3<f64>, corners: &[Vector3<f64>]) -> Self {
         let mut points = [Vector3::zeros(); 4];
         points[..corners.len()].copy_from_slice(corners);
-        Self {
-            at,
-            points,
-            count: corners.len(),
-        }
+        Self { at, points, count: corners.len() }
     }
 }
 
@@ -116,18 +111,10 @@ fn on_triangle(p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>) -> Nearest {
     // The origin is beyond an edge if it is on the outer side of the edge's own plane along the normal.
     let beyond = |a: &Vector3<f64>, b: &Vector3<f64>| (b - a).cross(&normal).dot(a) <= 0.0;
     let edges = [(p, q), (q, r), (r, p)];
-    if let Some(nearest) = nearest_of(
-        edges
-            .iter()
-            .filter(|(a, b)| beyond(a, b))
-            .map(|&(a, b)| on_segment(a, b)),
-    ) {
+    if let Some(nearest) = nearest_of(edges.iter().filter(|(a, b)| beyond(a, b)).map(|&(a, b)| on_segment(a, b))) {
         return nearest;
     }
-    Nearest::new(
-        normal * (normal.dot(&p) / normal.norm_squared()),
-        &[p, q, r],
-    )
+    Nearest::new(normal * (normal.dot(&p) / normal.norm_squared()), &[p, q, r])
 }
 
 fn on_tetrahedron(p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>, s: Vector3<f64>) -> Nearest {
@@ -137,13 +124,8 @@ fn on_tetrahedron(p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>, s: Vector3<
         let normal = (b - a).cross(&(c - a));
         -normal.dot(a) * normal.dot(&(opposite - a)) <= 0.0
     };
-    nearest_of(
-        faces
-            .iter()
-            .filter(|face| beyond(face))
-            .map(|&[a, b, c, _]| on_triangle(a, b, c)),
-    )
-    .unwrap_or_else(|| Nearest::new(Vector3::zeros(), &[p, q, r, s]))
+    nearest_of(faces.iter().filter(|face| beyond(face)).map(|&[a, b, c, _]| on_triangle(a, b, c)))
+        .unwrap_or_else(|| Nearest::new(Vector3::zeros(), &[p, q, r, s]))
 }
 
 fn nearest_of(candidates: impl Iterator<Item = Nearest>) -> Option<Nearest> {

@@ -54,11 +54,7 @@ impl Shape {
             _ => return None,
         };
         let extent = core.extent() + rounding;
-        Some(Self {
-            core,
-            rounding,
-            extent,
-        })
+        Some(Self { core, rounding, extent })
     }
 
     /// The outward normal of a half-space in world axes; `None` for a bounded shape.
@@ -91,11 +87,7 @@ impl Core {
             Core::Ellipsoid(size) => {
                 let scaled = d.component_mul(size);
                 let norm = scaled.norm();
-                if norm > 0.0 {
-                    scaled.component_mul(size) / norm
-                } else {
-                    Vector3::zeros()
-                }
+                if norm > 0.0 { scaled.component_mul(size) / norm } else { Vector3::zeros() }
             }
             Core::Cylinder(radius, half) => {
                 let norm = d.x.hypot(d.y);

@@ -30,20 +30,13 @@ unsafe impl Send for Simulation {}
 impl Drop for Simulation {
     fn drop(&mut self) {
         // SAFETY: allocated by the engine, freed once.
-        let _ = guard::call("mj_deleteData", || unsafe {
-            ffi::mj_deleteData(self.data.as_ptr())
-        });
+        let _ = guard::call("mj_deleteData", || unsafe { ffi::mj_deleteData(self.data.as_ptr()) });
     }
 }
 
 impl std::fmt::Debug for Simulation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "Simulation {{ time: {}, model: {:?} }}",
-            self.time(),
-            self.model
-        )
+        write!(f, "Simulation {{ time: {}, model: {:?} }}", self.time(), self.model)
     }
 }
 
@@ -65,9 +58,7 @@ impl Simulation {
     pub fn new(model: &Model) -> Result<Self, Error> {
         let model = model.compiled().duplicate()?;
         // SAFETY: the model is valid.
-        let data = guard::call("mj_makeData", || unsafe {
-            ffi::mj_makeData(model.as_ptr())
-        })?;
+        let data = guard::call("mj_makeData", || unsafe { ffi::mj_makeData(model.as_ptr()) })?;
         Self::from_parts(model, data, "mj_makeData")
     }
 
@@ -84,24 +75,12 @@ impl Simulation {
         Ok(copy)
     }
 
-    fn from_parts(
-        model: CompiledModel,
-        data: *mut ffi::mjData,
-        call: &'static str,
-    ) -> Result<Self, Error> {
+    fn from_parts(model: CompiledModel, data: *mut ffi::mjData, call: &'static str) -> Result<Self, Error> {
         match NonNull::new(data) {
-            Some(data) => Ok(Self {
-                model,
-                data,
-                interrupted: None,
-                warnings: Warnings::default(),
-            }),
+            Some(data) => Ok(Self { model, data, interrupted: None, warnings: Warnings::default() }),
             None => {
                 let message = guard::take_texts().join("; ");
-                Err(Error::Engine {
-                    call,
-                    message: format!("no data was returned. {message}"),
-                })
+                Err(Error::Engine { call, message: format!("no data was returned. {message}") })
             }
         }
     }
@@ -125,9 +104,7 @@ impl Simulation {
         check_index(KeyframeId::KIND, key.index(), self.model.nkey())?;
         self.interrupted = None;
         // SAFETY: model and data belong together, and the keyframe exists.
-        self.run("mj_resetDataKeyframe", |m, d| unsafe {
-            ffi::mj_resetDataKeyframe(m, d, key.index() as i32)
-        })
+        self.run("mj_resetDataKeyframe", |m, d| unsafe { ffi::mj_resetDataKeyframe(m, d, key.index() as i32) })
     }
 
     /// Sets the simulation time, s.
@@ -141,9 +118,7 @@ impl Simulation {
     pub fn is_equality_active(&self, id: EqualityId) -> Result<bool, Error> {
         check_index(EqualityId::KIND, id.index(), self.model.neq())?;
         // SAFETY: `neq` switches, and the index is below that.
-        let active = unsafe {
-            *compat::eq_active(self.model.as_ptr().cast_mut(), self.data.as_ptr()).add(id.index())
-        };
+        let active = unsafe { *compat::eq_active(self.model.as_ptr().cast_mut(), self.data.as_ptr()).add(id.index()) };
         Ok(active != 0)
     }
 
@@ -165,10 +140,7 @@ impl Simulation {
         f: impl FnOnce(*mut ffi::mjModel, *mut ffi::mjData) -> R,
     ) -> Result<R, Error> {
         if let Some((call, message)) = &self.interrupted {
-            return Err(Error::Interrupted {
-                call,
-                message: message.clone(),
-            });
+            return Err(Error::Interrupted { call, message: message.clone() });
         }
         let time = self.time();
         let (m, d) = (self.model.as_mut_ptr(), self.data.as_ptr());

@@ -99,9 +99,7 @@ impl Simulation {
     /// Makes the constraint rows from equality constraints, friction losses, limits and contacts.
     pub fn make_constraint(&mut self) -> Result<(), Error> {
         // SAFETY: model and data belong together.
-        self.run("mj_makeConstraint", |m, d| unsafe {
-            ffi::mj_makeConstraint(m, d)
-        })
+        self.run("mj_makeConstraint", |m, d| unsafe { ffi::mj_makeConstraint(m, d) })
     }
 
     /// Integration that is implicit in velocity.

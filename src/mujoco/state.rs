@@ -72,41 +72,13 @@ impl Simulation {
         check_length("qvel of the state", self.qvel().len(), state.qvel.len())?;
         check_length("act of the state", self.act().len(), state.act.len())?;
         check_length("ctrl of the state", self.ctrl().len(), state.ctrl.len())?;
-        check_length(
-            "qfrc_applied of the state",
-            self.qfrc_applied().len(),
-            state.qfrc_applied.len(),
-        )?;
-        check_length(
-            "xfrc_applied of the state",
-            self.xfrc_applied().len(),
-            state.xfrc_applied.len(),
-        )?;
-        check_length(
-            "mocap_pos of the state",
-            self.mocap_pos().len(),
-            state.mocap_pos.len(),
-        )?;
-        check_length(
-            "mocap_quat of the state",
-            self.mocap_quat().len(),
-            state.mocap_quat.len(),
-        )?;
-        check_length(
-            "qacc_warmstart of the state",
-            self.qacc_warmstart().len(),
-            state.qacc_warmstart.len(),
-        )?;
-        check_length(
-            "eq_active of the state",
-            self.eq_active().len(),
-            state.eq_active.len(),
-        )?;
-        check_length(
-            "eq_data of the state",
-            self.model().eq_data().len(),
-            state.eq_data.len(),
-        )?;
+        check_length("qfrc_applied of the state", self.qfrc_applied().len(), state.qfrc_applied.len())?;
+        check_length("xfrc_applied of the state", self.xfrc_applied().len(), state.xfrc_applied.len())?;
+        check_length("mocap_pos of the state", self.mocap_pos().len(), state.mocap_pos.len())?;
+        check_length("mocap_quat of the state", self.mocap_quat().len(), state.mocap_quat.len())?;
+        check_length("qacc_warmstart of the state", self.qacc_warmstart().len(), state.qacc_warmstart.len())?;
+        check_length("eq_active of the state", self.eq_active().len(), state.eq_active.len())?;
+        check_length("eq_data of the state", self.model().eq_data().len(), state.eq_data.len())?;
         if self.is_interrupted() {
             self.reset()?;
         }
@@ -119,8 +91,7 @@ impl Simulation {
         self.xfrc_applied_mut().copy_from_slice(&state.xfrc_applied);
         self.mocap_pos_mut().copy_from_slice(&state.mocap_pos);
         self.mocap_quat_mut().copy_from_slice(&state.mocap_quat);
-        self.qacc_warmstart_mut()
-            .copy_from_slice(&state.qacc_warmstart);
+        self.qacc_warmstart_mut().copy_from_slice(&state.qacc_warmstart);
         self.eq_active_mut().copy_from_slice(&state.eq_active);
         self.eq_data_mut().copy_from_slice(&state.eq_data);
         Ok(())

@@ -29,10 +29,7 @@ impl Vfs {
 
     /// Adds a file. The engine keeps only the last part of the name, in lower case.
     pub(super) fn add(&mut self, name: &str, content: &[u8]) -> Result<(), Error> {
-        let refuse = |message: &str| Error::Load {
-            what: format!("file {name:?} in memory"),
-            message: message.into(),
-        };
+        let refuse = |message: &str| Error::Load { what: format!("file {name:?} in memory"), message: message.into() };
         let c_name = CString::new(name).map_err(|_| refuse("its name contains a NUL byte"))?;
         if content.is_empty() {
             return Err(refuse("it is empty"));
@@ -46,9 +43,7 @@ impl Vfs {
             0 => {}
             1 => return Err(refuse("there are too many files (the engine takes 1999)")),
             2 => {
-                return Err(refuse(
-                    "another file has this name (the engine ignores folders and case)",
-                ));
+                return Err(refuse("another file has this name (the engine ignores folders and case)"));
             }
             _ => return Err(refuse("the engine could not make it")),
         }
@@ -66,9 +61,7 @@ impl Vfs {
 impl Drop for Vfs {
     fn drop(&mut self) {
         // SAFETY: frees the file buffers that the engine allocated, once.
-        let _ = guard::call("mj_deleteVFS", || unsafe {
-            ffi::mj_deleteVFS(self.ptr.as_ptr())
-        });
+        let _ = guard::call("mj_deleteVFS", || unsafe { ffi::mj_deleteVFS(self.ptr.as_ptr()) });
         // SAFETY: allocated in `new` with this layout, freed once.
         unsafe { std::alloc::dealloc(self.ptr.as_ptr().cast(), Layout::new::<ffi::mjVFS>()) };
     }

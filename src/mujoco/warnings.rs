@@ -82,17 +82,15 @@ impl Simulation {
     /// The engine's warnings since the last time this was called.
     pub fn take_warnings(&mut self) -> Vec<Warning> {
         let taken = std::mem::take(&mut self.warnings);
-        let counted = WarningKind::COUNTED
-            .into_iter()
-            .zip(taken.counted)
-            .filter(|(_, tally)| tally.count > 0)
-            .map(|(kind, tally)| Warning {
+        let counted = WarningKind::COUNTED.into_iter().zip(taken.counted).filter(|(_, tally)| tally.count > 0).map(
+            |(kind, tally)| Warning {
                 kind,
                 count: tally.count,
                 info: tally.info,
                 time: tally.time,
                 text: String::new(),
-            });
+            },
+        );
         let other = taken.texts.into_iter().map(|(time, text)| Warning {
             kind: WarningKind::Other,
             count: 1,
@@ -106,16 +104,8 @@ impl Simulation {
     /// Looks at the engine's counters after a call that started at `time`.
     #[inline]
     pub(super) fn look_for_warnings(&mut self, time: f64) -> Result<(), Error> {
-        let any = self
-            .data()
-            .warning
-            .iter()
-            .any(|warning| warning.number != 0);
-        if any || guard::has_texts() {
-            self.record_warnings(time)
-        } else {
-            Ok(())
-        }
+        let any = self.data().warning.iter().any(|warning| warning.number != 0);
+        if any || guard::has_texts() { self.record_warnings(time) } else { Ok(()) }
     }
 
     /// Moves the counters into the tally. They are cleared in the engine's data, because a reset by the engine also
@@ -130,11 +120,7 @@ impl Simulation {
             if number > 0 {
                 *found = Some(info);
                 let tally = &mut self.warnings.counted[i];
-                *tally = Tally {
-                    count: tally.count + number as u64,
-                    info,
-                    time,
-                };
+                *tally = Tally { count: tally.count + number as u64, info, time };
             }
         }
         let counted = found.iter().any(Option::is_some);
@@ -162,27 +148,15 @@ impl Simulation {
             return Err(self.diverged("qacc", index, time));
         }
         if let Some(size) = info(ffi::mjWARN_CONTACTFULL) {
-            return Err(Error::BufferFull {
-                buffer: Buffer::Contacts,
-                size,
-                time,
-            });
+            return Err(Error::BufferFull { buffer: Buffer::Contacts, size, time });
         }
         if let Some(size) = info(ffi::mjWARN_CNSTRFULL) {
-            return Err(Error::BufferFull {
-                buffer: Buffer::Constraints,
-                size,
-                time,
-            });
+            return Err(Error::BufferFull { buffer: Buffer::Constraints, size, time });
         }
         if let Some(index) = info(ffi::mjWARN_BADCTRL) {
             let actuator = self.model().label(ActuatorId::from_index(index));
             let value = self.ctrl().get(index).copied().unwrap_or(f64::NAN);
-            return Err(Error::BadControl {
-                actuator,
-                value,
-                time,
-            });
+            return Err(Error::BadControl { actuator, value, time });
         }
         Ok(())
     }
@@ -191,10 +165,7 @@ impl Simulation {
         let model = self.model();
         let joint = if quantity == "qpos" {
             // The last joint whose address is not beyond the index.
-            model
-                .jnt_qposadr()
-                .iter()
-                .rposition(|&start| start as usize <= index)
+            model.jnt_qposadr().iter().rposition(|&start| start as usize <= index)
         } else {
             model.dof_jntid().get(index).map(|&joint| joint as usize)
         };
@@ -206,11 +177,6 @@ impl Simulation {
                 model.label(super::ids::BodyId::from_index(body))
             )
         });
-        Error::Diverged {
-            quantity,
-            index,
-            element,
-            time,
-        }
+        Error::Diverged { quantity, index, element, time }
     }
 }

@@ -29,10 +29,7 @@ pub(crate) const GREY: RGBColor = RGBColor(110, 110, 110);
 pub(crate) const INK: RGBColor = RGBColor(30, 30, 30);
 
 /// Text centred on its point.
-pub(crate) const MIDDLE: Pos = Pos {
-    h_pos: HPos::Center,
-    v_pos: VPos::Center,
-};
+pub(crate) const MIDDLE: Pos = Pos { h_pos: HPos::Center, v_pos: VPos::Center };
 
 /// A drawing area and the factor from nominal units to its pixels.
 pub(crate) struct Canvas<B: DrawingBackend> {
@@ -44,19 +41,11 @@ pub(crate) struct Canvas<B: DrawingBackend> {
 
 impl<B: DrawingBackend> Canvas<B> {
     fn svg(area: DrawingArea<B, Shift>) -> Self {
-        Self {
-            area,
-            scale: 1.0,
-            raster: false,
-        }
+        Self { area, scale: 1.0, raster: false }
     }
 
     fn png(area: DrawingArea<B, Shift>) -> Self {
-        Self {
-            area,
-            scale: f64::from(PNG_SCALE),
-            raster: true,
-        }
+        Self { area, scale: f64::from(PNG_SCALE), raster: true }
     }
 
     /// The same scale on a part of the area.
@@ -72,10 +61,7 @@ impl<B: DrawingBackend> Canvas<B> {
     /// Width and height in nominal units.
     pub fn size(&self) -> (f64, f64) {
         let (width, height) = self.area.dim_in_pixel();
-        (
-            f64::from(width) / self.scale,
-            f64::from(height) / self.scale,
-        )
+        (f64::from(width) / self.scale, f64::from(height) / self.scale)
     }
 
     /// A font of `size` nominal units.
@@ -84,32 +70,16 @@ impl<B: DrawingBackend> Canvas<B> {
     }
 
     /// A filled rectangle between two corners, in nominal units.
-    pub fn rectangle(
-        &self,
-        a: (f64, f64),
-        b: (f64, f64),
-        color: RGBColor,
-    ) -> Result<(), ReportError> {
+    pub fn rectangle(&self, a: (f64, f64), b: (f64, f64), color: RGBColor) -> Result<(), ReportError> {
         let corner = |p: (f64, f64)| (self.px(p.0), self.px(p.1));
-        Ok(self
-            .area
-            .draw(&Rectangle::new([corner(a), corner(b)], color.filled()))?)
+        Ok(self.area.draw(&Rectangle::new([corner(a), corner(b)], color.filled()))?)
     }
 
     /// Text with its left (centre, right) edge at `x` and its middle at `y`, in nominal units.
-    pub fn text(
-        &self,
-        text: &str,
-        at: (f64, f64),
-        size: f64,
-        color: RGBColor,
-        align: HPos,
-    ) -> Result<(), ReportError> {
+    pub fn text(&self, text: &str, at: (f64, f64), size: f64, color: RGBColor, align: HPos) -> Result<(), ReportError> {
         let style = self.font(size, color).pos(Pos::new(align, VPos::Center));
         let y = at.1 + if self.raster { LOWER * size } else { 0.0 };
-        Ok(self
-            .area
-            .draw_text(text, &style, (self.px(at.0), self.px(y)))?)
+        Ok(self.area.draw_text(text, &style, (self.px(at.0), self.px(y)))?)
     }
 }
 
@@ -117,17 +87,8 @@ impl<B: DrawingBackend> Canvas<B> {
 pub(crate) fn font(size: f64, color: RGBColor) -> TextStyle<'static> {
     static REGISTERED: OnceLock<()> = OnceLock::new();
     // A failure here (impossible with the embedded bytes) comes back as a drawing error at the first text.
-    REGISTERED.get_or_init(|| {
-        drop(register_font(
-            FAMILY,
-            FontStyle::Normal,
-            epaint_default_fonts::UBUNTU_LIGHT,
-        ))
-    });
-    TextStyle {
-        color: color.to_backend_color(),
-        ..TextStyle::from((FAMILY, size).into_font())
-    }
+    REGISTERED.get_or_init(|| drop(register_font(FAMILY, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT)));
+    TextStyle { color: color.to_backend_color(), ..TextStyle::from((FAMILY, size).into_font()) }
 }
 
 /// Width of a text in the same units as the font's `size`.
@@ -172,15 +133,10 @@ pub(crate) trait Figure {
     /// Saves as the file name's ending says.
     fn save_as(&self, path: &Path) -> Result<(), ReportError> {
         match extension(path).as_str() {
-            "svg" => std::fs::write(path, self.to_svg()?).map_err(|source| ReportError::Write {
-                path: path.to_owned(),
-                source,
-            }),
+            "svg" => std::fs::write(path, self.to_svg()?)
+                .map_err(|source| ReportError::Write { path: path.to_owned(), source }),
             "png" => save_png(&self.to_image()?, path),
-            _ => Err(ReportError::Format {
-                path: path.to_owned(),
-                wanted: ".svg or .png",
-            }),
+            _ => Err(ReportError::Format { path: path.to_owned(), wanted: ".svg or .png" }),
         }
     }
 }
@@ -197,22 +153,12 @@ where
 }
 
 pub(crate) fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default()
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
 pub(crate) fn save_png(image: &RgbImage, path: &Path) -> Result<(), ReportError> {
-    image
-        .save_with_format(path, image::ImageFormat::Png)
-        .map_err(|error| match error {
-            image::ImageError::IoError(source) => ReportError::Write {
-                path: path.to_owned(),
-                source,
-            },
-            source => ReportError::Encode {
-                path: path.to_owned(),
-                source,
-            },
-        })
+    image.save_with_format(path, image::ImageFormat::Png).map_err(|error| match error {
+        image::ImageError::IoError(source) => ReportError::Write { path: path.to_owned(), source },
+        source => ReportError::Encode { path: path.to_owned(), source },
+    })
 }

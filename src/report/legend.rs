@@ -15,10 +15,7 @@ pub(crate) enum Sample {
 }
 
 /// Draws the entries from top to bottom, with less space between them where they are many.
-pub(crate) fn draw<B: DrawingBackend>(
-    canvas: &Canvas<B>,
-    entries: &[(Sample, String)],
-) -> Result<(), ReportError> {
+pub(crate) fn draw<B: DrawingBackend>(canvas: &Canvas<B>, entries: &[(Sample, String)]) -> Result<(), ReportError> {
     const LEFT: f64 = 68.0;
     const SAMPLE: f64 = 34.0;
     let (width, height) = canvas.size();
@@ -35,9 +32,7 @@ pub(crate) fn draw<B: DrawingBackend>(
                 if pen.dashed {
                     for start in (left..right).step_by(canvas.px(10.0).max(1) as usize) {
                         let end = right.min(start + canvas.px(6.0));
-                        canvas
-                            .area
-                            .draw(&PathElement::new([(start, middle), (end, middle)], stroke))?;
+                        canvas.area.draw(&PathElement::new([(start, middle), (end, middle)], stroke))?;
                     }
                 } else {
                     canvas.area.draw(&PathElement::new(ends, stroke))?;
@@ -50,15 +45,11 @@ pub(crate) fn draw<B: DrawingBackend>(
             }
             Sample::Dot(color) => {
                 let centre = ((left + right) / 2, middle);
-                canvas
-                    .area
-                    .draw(&Circle::new(centre, canvas.px(4.0), color.filled()))?;
+                canvas.area.draw(&Circle::new(centre, canvas.px(4.0), color.filled()))?;
             }
         }
         // Long labels get a smaller font rather than a cut end.
-        let size = 15f64
-            .min(line * 0.85)
-            .min(15.0 * (width - text_left) / text_width(label, 15.0).max(1.0));
+        let size = 15f64.min(line * 0.85).min(15.0 * (width - text_left) / text_width(label, 15.0).max(1.0));
         canvas.text(label, (text_left, y), size, INK, HPos::Left)?;
     }
     Ok(())

@@ -66,11 +66,7 @@ impl Panel<'_> {
             .bold_line_style(RGBColor(222, 222, 222).stroke_width(canvas.px(1.0) as u32))
             .light_line_style(TRANSPARENT)
             .draw()?;
-        for &(value, pen) in self
-            .horizontals
-            .iter()
-            .filter(|(v, _)| (y0..=y1).contains(v))
-        {
+        for &(value, pen) in self.horizontals.iter().filter(|(v, _)| (y0..=y1).contains(v)) {
             line(&mut chart, canvas, &[(x0, value), (x1, value)], pen)?;
         }
         for &(value, pen) in self.verticals.iter().filter(|(v, _)| (x0..=x1).contains(v)) {
@@ -105,12 +101,7 @@ fn line<B: DrawingBackend>(
         chart.draw_series([Circle::new(*only, canvas.px(pen.width), pen.color.filled())])?;
     } else if pen.dashed {
         let (dash, gap) = (canvas.px(6.0), canvas.px(4.0));
-        chart.draw_series(DashedLineSeries::new(
-            points.iter().copied(),
-            dash,
-            gap,
-            stroke,
-        ))?;
+        chart.draw_series(DashedLineSeries::new(points.iter().copied(), dash, gap, stroke))?;
     } else {
         chart.draw_series([PathElement::new(points.to_vec(), stroke)])?;
     }
@@ -122,10 +113,7 @@ pub(crate) fn tick_step(span: f64, ticks: usize) -> f64 {
     let least = (span / ticks.max(1) as f64).max(f64::MIN_POSITIVE);
     let decade = 10f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0].map(|m| m * decade);
-    steps
-        .into_iter()
-        .find(|s| *s >= least * (1.0 - 1e-9))
-        .unwrap_or(10.0 * decade)
+    steps.into_iter().find(|s| *s >= least * (1.0 - 1e-9)).unwrap_or(10.0 * decade)
 }
 
 /// A tick's label, with the decimals that ticks `step` apart need.
@@ -156,17 +144,8 @@ mod tests {
 
     #[test]
     fn steps_are_round_and_do_not_crowd_the_axis() {
-        for (span, ticks, step) in [
-            (10.0, 5, 2.0),
-            (1.1, 5, 0.5),
-            (380.0, 5, 100.0),
-            (0.03, 8, 0.005),
-        ] {
-            assert!(
-                (tick_step(span, ticks) - step).abs() < 1e-12,
-                "{span}/{ticks}: {}",
-                tick_step(span, ticks)
-            );
+        for (span, ticks, step) in [(10.0, 5, 2.0), (1.1, 5, 0.5), (380.0, 5, 100.0), (0.03, 8, 0.005)] {
+            assert!((tick_step(span, ticks) - step).abs() < 1e-12, "{span}/{ticks}: {}", tick_step(span, ticks));
         }
     }
 }

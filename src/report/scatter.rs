@@ -7,9 +7,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::ReportError;
-use super::canvas::{
-    BLUE, Canvas, Figure, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, text_width,
-};
+use super::canvas::{BLUE, Canvas, Figure, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, text_width};
 use super::legend::{self, Sample};
 use super::panel::{tick, tick_step};
 
@@ -63,25 +61,15 @@ impl Scatter {
     }
 
     fn left_out(&self) -> usize {
-        self.sets
-            .iter()
-            .flat_map(|s| &s.points)
-            .filter(|p| !self.shown(p))
-            .count()
+        self.sets.iter().flat_map(|s| &s.points).filter(|p| !self.shown(p)).count()
     }
 
     /// The common range of both axes, with a margin.
     fn range(&self) -> Option<(f64, f64)> {
-        let shown = self
-            .sets
-            .iter()
-            .flat_map(|s| &s.points)
-            .filter(|p| self.shown(p));
+        let shown = self.sets.iter().flat_map(|s| &s.points).filter(|p| self.shown(p));
         let (low, high) = shown
             .flat_map(|&(x, y)| [x, y])
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-                (low.min(v), high.max(v))
-            });
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         if low > high {
             return None;
         }
@@ -100,22 +88,12 @@ impl Scatter {
                 (Sample::Dot(color(i)), format!("{} ({shown})", set.label))
             })
             .collect();
-        let pen = super::panel::Pen {
-            color: GREY,
-            width: 1.2,
-            dashed: true,
-        };
+        let pen = super::panel::Pen { color: GREY, width: 1.2, dashed: true };
         entries.push((Sample::Line(pen), "equal in both".to_owned()));
         entries
     }
 
-    fn draw_axes<B, X, Y>(
-        &self,
-        canvas: &Canvas<B>,
-        x: X,
-        y: Y,
-        (low, high): (f64, f64),
-    ) -> Result<(), ReportError>
+    fn draw_axes<B, X, Y>(&self, canvas: &Canvas<B>, x: X, y: Y, (low, high): (f64, f64)) -> Result<(), ReportError>
     where
         B: DrawingBackend,
         X: AsRangedCoord<Value = f64>,
@@ -124,11 +102,7 @@ impl Scatter {
         Y::CoordDescType: ValueFormatter<f64>,
     {
         let label = |v: &f64| {
-            if self.log {
-                log_tick(*v)
-            } else {
-                tick(*v, tick_step(high - low, TICKS))
-            }
+            if self.log { log_tick(*v) } else { tick(*v, tick_step(high - low, TICKS)) }
         };
         let mut chart = ChartBuilder::on(&canvas.area)
             .margin_top(canvas.px(8.0))
@@ -153,12 +127,7 @@ impl Scatter {
             .draw()?;
         let stroke = GREY.stroke_width(canvas.px(1.2).max(1) as u32);
         let identity = [(low, low), (high, high)];
-        chart.draw_series(DashedLineSeries::new(
-            identity,
-            canvas.px(6.0),
-            canvas.px(4.0),
-            stroke,
-        ))?;
+        chart.draw_series(DashedLineSeries::new(identity, canvas.px(6.0), canvas.px(4.0), stroke))?;
         for (i, set) in self.sets.iter().enumerate() {
             let style = color(i).mix(0.75).filled();
             let shown = set.points.iter().filter(|p| self.shown(p));
@@ -174,10 +143,7 @@ fn color(i: usize) -> RGBColor {
 
 fn log_tick(value: f64) -> String {
     if (1e-3..1e5).contains(&value) {
-        format!("{value:.3}")
-            .trim_end_matches('0')
-            .trim_end_matches('.')
-            .to_owned()
+        format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
         format!("{value:.0e}")
     }
@@ -190,15 +156,10 @@ impl Figure for Scatter {
 
     fn check(&self) -> Result<(), ReportError> {
         let missing = match self.log {
-            true => {
-                "no point has two positive finite coordinates (logarithmic axes show no others)"
-            }
+            true => "no point has two positive finite coordinates (logarithmic axes show no others)",
             false => "no point has two finite coordinates",
         };
-        self.range().map(drop).ok_or_else(|| ReportError::Empty {
-            figure: FIGURE,
-            missing: missing.to_owned(),
-        })
+        self.range().map(drop).ok_or_else(|| ReportError::Empty { figure: FIGURE, missing: missing.to_owned() })
     }
 
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Result<(), ReportError> {
@@ -207,19 +168,11 @@ impl Figure for Scatter {
         };
         let (width, height) = canvas.size();
         let size = 20f64.min(20.0 * (width - 30.0) / text_width(&self.title, 20.0).max(1.0));
-        canvas.text(
-            &self.title,
-            (0.5 * width, 0.5 * TITLE_HEIGHT),
-            size,
-            INK,
-            HPos::Center,
-        )?;
+        canvas.text(&self.title, (0.5 * width, 0.5 * TITLE_HEIGHT), size, INK, HPos::Center)?;
         let (_, body) = canvas.area.split_vertically(canvas.px(TITLE_HEIGHT));
         let entries = self.legend();
-        let legend_height =
-            24.0 * (entries.len() as f64 + 1.0) + if self.left_out() > 0 { 24.0 } else { 0.0 };
-        let (square, below) =
-            body.split_vertically(canvas.px(height - TITLE_HEIGHT - legend_height));
+        let legend_height = 24.0 * (entries.len() as f64 + 1.0) + if self.left_out() > 0 { 24.0 } else { 0.0 };
+        let (square, below) = body.split_vertically(canvas.px(height - TITLE_HEIGHT - legend_height));
         let square = canvas.part(square);
         let axis = || low..high;
         if self.log {
@@ -232,11 +185,7 @@ impl Figure for Scatter {
         match self.left_out() {
             0 => Ok(()),
             n => {
-                let why = if self.log {
-                    "not positive or not finite"
-                } else {
-                    "not finite"
-                };
+                let why = if self.log { "not positive or not finite" } else { "not finite" };
                 let note = format!("points left out: {n} ({why})");
                 below.text(&note, (68.0, legend_height - 24.0), 14.0, GREY, HPos::Left)
             }

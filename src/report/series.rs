@@ -57,12 +57,7 @@ pub(crate) fn clip(runs: &[Run], (low, high): (f64, f64)) -> Vec<Run> {
     clipped
 }
 
-fn clip_segment(
-    a: (f64, f64),
-    b: (f64, f64),
-    low: f64,
-    high: f64,
-) -> Option<((f64, f64), (f64, f64))> {
+fn clip_segment(a: (f64, f64), b: (f64, f64), low: f64, high: f64) -> Option<((f64, f64), (f64, f64))> {
     if a.1.max(b.1) < low || a.1.min(b.1) > high {
         return None;
     }
@@ -83,9 +78,7 @@ fn clip_segment(
 pub(crate) fn range(values: impl Iterator<Item = f64>, minimum_span: f64) -> Option<(f64, f64)> {
     let (low, high) = values
         .filter(|v| v.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            (low.min(v), high.max(v))
-        });
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     if low > high {
         return None;
     }
@@ -102,10 +95,7 @@ mod tests {
     fn missing_samples_split_a_curve() {
         let time = [0.0, 1.0, 2.0, 3.0, 4.0];
         let values = [1.0, 2.0, f64::NAN, 4.0, f64::INFINITY];
-        assert_eq!(
-            runs(&time, &values, (0.0, 4.0), 100),
-            vec![vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 4.0)]]
-        );
+        assert_eq!(runs(&time, &values, (0.0, 4.0), 100), vec![vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 4.0)]]);
     }
 
     #[test]
@@ -115,11 +105,7 @@ mod tests {
         values[333] = 7.0;
         values[334] = -7.0;
         let thinned = runs(&time, &values, (0.0, 1.0), 10).concat();
-        assert!(
-            thinned.len() <= 40 && thinned.len() >= 20,
-            "{}",
-            thinned.len()
-        );
+        assert!(thinned.len() <= 40 && thinned.len() >= 20, "{}", thinned.len());
         assert!(thinned.contains(&(0.333, 7.0)) && thinned.contains(&(0.334, -7.0)));
         assert!(thinned.windows(2).all(|p| p[0].0 < p[1].0));
     }
@@ -128,17 +114,13 @@ mod tests {
     fn clipping_cuts_at_the_crossing() {
         let zigzag = vec![vec![(0.0, 0.0), (1.0, 2.0), (2.0, 0.0)]];
         let clipped = clip(&zigzag, (-1.0, 1.0));
-        assert_eq!(
-            clipped,
-            vec![vec![(0.0, 0.0), (0.5, 1.0)], vec![(1.5, 1.0), (2.0, 0.0)]]
-        );
+        assert_eq!(clipped, vec![vec![(0.0, 0.0), (0.5, 1.0)], vec![(1.5, 1.0), (2.0, 0.0)]]);
         assert!(clip(&zigzag, (3.0, 4.0)).is_empty());
     }
 
     #[test]
     fn range_of_noise_is_not_blown_up_and_nothing_has_no_range() {
-        let (low, high) =
-            range([1.0, 1.0 + 1e-12, f64::NAN].into_iter(), 0.1).expect("two finite values");
+        let (low, high) = range([1.0, 1.0 + 1e-12, f64::NAN].into_iter(), 0.1).expect("two finite values");
         assert!((high - low - 0.112).abs() < 1e-9);
         assert_eq!(range([f64::NAN].into_iter(), 0.1), None);
     }

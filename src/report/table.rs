@@ -37,10 +37,8 @@ pub struct BenchRow {
 
 /// Guerroudj 2022, Table 5.1 (a 2.70 GHz i7-6820HK): name, inverse kinematics, contact part of the full simulation,
 /// contact part of the grasp \[microseconds\].
-const THESIS: [(&str, f64, f64, f64); 2] = [
-    ("thesis, experiment 1", 4306.0, 94.0, 12.0),
-    ("thesis, experiment 2", 2261.0, 39.0, 5.0),
-];
+const THESIS: [(&str, f64, f64, f64); 2] =
+    [("thesis, experiment 1", 4306.0, 94.0, 12.0), ("thesis, experiment 2", 2261.0, 39.0, 5.0)];
 
 /// The thesis's Table 5.1 with ours beside it.
 #[derive(Debug, Clone, Default)]
@@ -80,29 +78,16 @@ impl BenchTable {
         let mut lines = vec![head.map(str::to_owned).to_vec()];
         for (name, ik, full, grasp) in THESIS {
             let none = || "-".to_owned();
-            let cells = [
-                number(ik),
-                number(full),
-                none(),
-                number(grasp),
-                ratio(full, grasp),
-            ];
+            let cells = [number(ik), number(full), none(), number(grasp), ratio(full, grasp)];
             let mut line = vec![name.to_owned()];
-            line.extend(
-                cells
-                    .into_iter()
-                    .chain(std::iter::repeat_with(none))
-                    .take(head.len() - 1),
-            );
+            line.extend(cells.into_iter().chain(std::iter::repeat_with(none)).take(head.len() - 1));
             lines.push(line);
         }
         for row in &self.rows {
             let modes = [row.full, row.full_noslip, row.grasp];
             let mut line = vec![row.label.clone(), row.ik_us.map_or("-".to_owned(), number)];
             line.extend(modes.map(|t| number(t.contact_us)));
-            line.extend(
-                [row.full, row.full_noslip].map(|t| ratio(t.contact_us, row.grasp.contact_us)),
-            );
+            line.extend([row.full, row.full_noslip].map(|t| ratio(t.contact_us, row.grasp.contact_us)));
             line.extend(modes.map(|t| number(t.step_us)));
             line.push(number(row.floor.step_us));
             lines.push(line);
@@ -128,62 +113,34 @@ impl BenchTable {
     }
 
     fn longest(&self) -> f64 {
-        self.rows
-            .iter()
-            .flat_map(BenchRow::modes)
-            .map(|(_, t)| t.step_us)
-            .fold(0.0, f64::max)
+        self.rows.iter().flat_map(BenchRow::modes).map(|(_, t)| t.step_us).fold(0.0, f64::max)
     }
 }
 
 impl BenchRow {
     fn modes(&self) -> [(&'static str, Timing); 4] {
-        [
-            ("full", self.full),
-            ("full, noslip 10", self.full_noslip),
-            ("grasp", self.grasp),
-            ("no contacts", self.floor),
-        ]
+        [("full", self.full), ("full, noslip 10", self.full_noslip), ("grasp", self.grasp), ("no contacts", self.floor)]
     }
 }
 
 fn number(us: f64) -> String {
-    if us.abs() < 9.95 {
-        format!("{us:.1}")
-    } else {
-        format!("{us:.0}")
-    }
+    if us.abs() < 9.95 { format!("{us:.1}") } else { format!("{us:.0}") }
 }
 
 fn ratio(of: f64, to: f64) -> String {
     let ratio = of / to;
-    if ratio.is_finite() {
-        format!("{ratio:.1}x")
-    } else {
-        "-".to_owned()
-    }
+    if ratio.is_finite() { format!("{ratio:.1}x") } else { "-".to_owned() }
 }
 
 /// A Markdown table that is also aligned as plain text: names to the left, numbers to the right.
 fn aligned(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
-    let cell_width = |c: usize| {
-        lines
-            .iter()
-            .filter_map(|l| l.get(c))
-            .map(|s| s.chars().count())
-            .max()
-            .unwrap_or(0)
-    };
+    let cell_width = |c: usize| lines.iter().filter_map(|l| l.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns).map(cell_width).collect();
     let mut text = String::new();
     for (l, line) in lines.iter().enumerate() {
         for (c, (cell, &width)) in line.iter().zip(&widths).enumerate() {
-            text.push_str(&if c == 0 {
-                format!("| {cell:<width$} |")
-            } else {
-                format!(" {cell:>width$} |")
-            });
+            text.push_str(&if c == 0 { format!("| {cell:<width$} |") } else { format!(" {cell:>width$} |") });
         }
         text.push('\n');
         if l == 0 {
@@ -207,38 +164,19 @@ impl Figure for BenchTable {
 
     fn check(&self) -> Result<(), ReportError> {
         if self.rows.is_empty() {
-            return Err(ReportError::Empty {
-                figure: FIGURE,
-                missing: "it has no rows".to_owned(),
-            });
+            return Err(ReportError::Empty { figure: FIGURE, missing: "it has no rows".to_owned() });
         }
         for row in &self.rows {
-            for (
-                mode,
-                Timing {
-                    step_us,
-                    contact_us,
-                },
-            ) in row.modes()
-            {
+            for (mode, Timing { step_us, contact_us }) in row.modes() {
                 let bad = |field, value, wanted| {
                     let what = format!("{field} of mode `{mode}` in row `{}`", row.label);
-                    ReportError::BadNumber {
-                        figure: FIGURE,
-                        what,
-                        value,
-                        wanted,
-                    }
+                    ReportError::BadNumber { figure: FIGURE, what, value, wanted }
                 };
                 if !(step_us.is_finite() && step_us > 0.0) {
                     return Err(bad("step_us", step_us, "finite and positive"));
                 }
                 if !(0.0..=step_us).contains(&contact_us) {
-                    return Err(bad(
-                        "contact_us",
-                        contact_us,
-                        "between 0 and the row's step_us",
-                    ));
+                    return Err(bad("contact_us", contact_us, "between 0 and the row's step_us"));
                 }
             }
         }
@@ -248,18 +186,8 @@ impl Figure for BenchTable {
     fn draw<B: DrawingBackend>(&self, canvas: &Canvas<B>) -> Result<(), ReportError> {
         let (width, height) = canvas.size();
         let size = 22f64.min(22.0 * (width - 40.0) / text_width(&self.title, 22.0).max(1.0));
-        canvas.text(
-            &self.title,
-            (0.5 * width, 0.5 * TITLE_HEIGHT),
-            size,
-            INK,
-            HPos::Center,
-        )?;
-        let swatches = [
-            (ORANGE, "contact part"),
-            (SKY, "rest of the step"),
-            (INK, "whole step (contact part)"),
-        ];
+        canvas.text(&self.title, (0.5 * width, 0.5 * TITLE_HEIGHT), size, INK, HPos::Center)?;
+        let swatches = [(ORANGE, "contact part"), (SKY, "rest of the step"), (INK, "whole step (contact part)")];
         let mut x = LABEL_WIDTH;
         for (i, (color, label)) in swatches.into_iter().enumerate() {
             let y = TITLE_HEIGHT + 0.4 * LEGEND_HEIGHT;
@@ -278,13 +206,7 @@ impl Figure for BenchTable {
         for row in &self.rows {
             // The row's name above its four modes' would cost a line each: it stands at the left of the second.
             let name_size = 16f64.min(16.0 * 128.0 / text_width(&row.label, 16.0).max(1.0));
-            canvas.text(
-                &row.label,
-                (12.0, y + 2.0 * BAR),
-                name_size,
-                INK,
-                HPos::Left,
-            )?;
+            canvas.text(&row.label, (12.0, y + 2.0 * BAR), name_size, INK, HPos::Left)?;
             for (mode, timing) in row.modes() {
                 let (top, low, middle) = (y + 2.0, y + BAR - 2.0, y + 0.5 * BAR);
                 let contact = LABEL_WIDTH + scale * timing.contact_us;
@@ -292,11 +214,7 @@ impl Figure for BenchTable {
                 canvas.rectangle((LABEL_WIDTH, top), (contact, low), ORANGE)?;
                 canvas.rectangle((contact, top), (end, low), SKY)?;
                 canvas.text(mode, (LABEL_WIDTH - 8.0, middle), 14.0, INK, HPos::Right)?;
-                let numbers = format!(
-                    "{} \u{b5}s ({})",
-                    number(timing.step_us),
-                    number(timing.contact_us)
-                );
+                let numbers = format!("{} \u{b5}s ({})", number(timing.step_us), number(timing.contact_us));
                 canvas.text(&numbers, (end + 8.0, middle), 14.0, INK, HPos::Left)?;
                 y += BAR;
             }
@@ -307,39 +225,18 @@ impl Figure for BenchTable {
 }
 
 impl BenchTable {
-    fn draw_ticks<B: DrawingBackend>(
-        &self,
-        canvas: &Canvas<B>,
-        scale: f64,
-        bottom: f64,
-    ) -> Result<(), ReportError> {
+    fn draw_ticks<B: DrawingBackend>(&self, canvas: &Canvas<B>, scale: f64, bottom: f64) -> Result<(), ReportError> {
         let longest = self.longest();
         let step = tick_step(longest, 5);
         let top = TITLE_HEIGHT + LEGEND_HEIGHT - 4.0;
         for i in 0..=(longest / step).floor() as u32 {
             let value = f64::from(i) * step;
             let x = LABEL_WIDTH + scale * value;
-            let color = if i == 0 {
-                GREY
-            } else {
-                RGBColor(222, 222, 222)
-            };
+            let color = if i == 0 { GREY } else { RGBColor(222, 222, 222) };
             canvas.rectangle((x - 0.5, top), (x + 0.5, bottom), color)?;
-            canvas.text(
-                &tick(value, step),
-                (x, bottom + 10.0),
-                14.0,
-                INK,
-                HPos::Center,
-            )?;
+            canvas.text(&tick(value, step), (x, bottom + 10.0), 14.0, INK, HPos::Center)?;
         }
         let middle = LABEL_WIDTH + 0.5 * scale * longest;
-        canvas.text(
-            "time per step, median [\u{b5}s]",
-            (middle, bottom + 34.0),
-            16.0,
-            INK,
-            HPos::Center,
-        )
+        canvas.text("time per step, median [\u{b5}s]", (middle, bottom + 34.0), 16.0, INK, HPos::Center)
     }
 }

@@ -24,10 +24,7 @@ impl PositionActuator {
         const FIXED: i32 = 0; // mjGAIN_FIXED
         const AFFINE: i32 = 1; // mjBIAS_AFFINE
         model.actuators().map(ActuatorId::index).find_map(|a| {
-            let (gain, bias) = (
-                model.actuator_gainprm()[10 * a],
-                &model.actuator_biasprm()[10 * a..10 * a + 2],
-            );
+            let (gain, bias) = (model.actuator_gainprm()[10 * a], &model.actuator_biasprm()[10 * a..10 * a + 2]);
             let drives = JOINT.contains(&model.actuator_trntype()[a])
                 && model.actuator_trnid()[2 * a] as usize == joint.index()
                 && model.actuator_gaintype()[a] == FIXED

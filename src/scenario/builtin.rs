@@ -13,18 +13,25 @@ pub struct Builtin {
     pub models: &'static [(&'static str, &'static str)],
 }
 
-/// The humanoid and what surrounds it, which every built-in model includes.
-const HUMANOID: (&str, &str) = ("humanoid.xml", include_str!("../../models/humanoid.xml"));
-const STUDIO: (&str, &str) = ("studio.xml", include_str!("../../models/studio.xml"));
+/// Text of a file of the repository, from `models/`.
+macro_rules! model {
+    ($file:literal) => {
+        ($file, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/models/", $file)))
+    };
+}
 
 /// All built-in scenarios, in the order of `mujoco-grasp list`.
-pub const ALL: &[Builtin] = &[Builtin {
-    name: "clutch",
-    path: "scenarios/clutch.toml",
-    toml: include_str!("../../scenarios/clutch.toml"),
-    models: &[
-        ("clutch.xml", include_str!("../../models/clutch.xml")),
-        HUMANOID,
-        STUDIO,
-    ],
-}];
+pub const ALL: &[Builtin] = &[
+    Builtin {
+        name: "clutch",
+        path: "scenarios/clutch.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/clutch.toml")),
+        models: &[model!("clutch.xml"), model!("humanoid.xml"), model!("studio.xml")],
+    },
+    Builtin {
+        name: "pinch",
+        path: "scenarios/pinch.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/pinch.toml")),
+        models: &[model!("pinch.xml"), model!("humanoid.xml"), model!("studio.xml")],
+    },
+];

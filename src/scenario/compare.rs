@@ -26,11 +26,7 @@ pub struct Comparison {
 }
 
 /// Compares two runs of the same scenario and push with the same time step.
-pub fn compare(
-    full: (&Trajectory, &Summary),
-    grasp: (&Trajectory, &Summary),
-    measure_from: f64,
-) -> Comparison {
+pub fn compare(full: (&Trajectory, &Summary), grasp: (&Trajectory, &Summary), measure_from: f64) -> Comparison {
     let mut comparison = Comparison {
         same_outcome: full.1.outcome.is_some() && full.1.outcome == grasp.1.outcome,
         position_rmse_m: None,
@@ -38,10 +34,7 @@ pub fn compare(
         rotation_rmse_rad: None,
         normal_force_relative_error: None,
     };
-    let (Some(a0), Some(b0)) = (
-        full.0.index_at(measure_from),
-        grasp.0.index_at(measure_from),
-    ) else {
+    let (Some(a0), Some(b0)) = (full.0.index_at(measure_from), grasp.0.index_at(measure_from)) else {
         return comparison;
     };
     let room = (full.0.samples().len() - a0).min(grasp.0.samples().len() - b0);
@@ -56,12 +49,7 @@ pub fn compare(
         let b = Motion::between(&grasp.0.samples()[b0], &grasp.0.samples()[b0 + k]);
         position += (a.offset - b.offset).norm_squared();
         rotation += a.rotation.angle_to(&b.rotation).powi(2);
-        for (fa, fb) in full
-            .0
-            .normal_forces(a0 + k)
-            .iter()
-            .zip(grasp.0.normal_forces(b0 + k))
-        {
+        for (fa, fb) in full.0.normal_forces(a0 + k).iter().zip(grasp.0.normal_forces(b0 + k)) {
             force += (fa - fb).powi(2);
             reference += fa.powi(2);
         }
@@ -69,9 +57,8 @@ pub fn compare(
     let rms = |sum: f64| (n > 0).then(|| (sum / n as f64).sqrt());
     comparison.position_rmse_m = rms(position);
     comparison.rotation_rmse_rad = rms(rotation);
-    comparison.relative_error = rms(position)
-        .zip(full.1.peak_motion_m)
-        .map(|(rmse, peak)| rmse / peak.max(SMALLEST_PEAK));
+    comparison.relative_error =
+        rms(position).zip(full.1.peak_motion_m).map(|(rmse, peak)| rmse / peak.max(SMALLEST_PEAK));
     comparison.normal_force_relative_error = (reference > 0.0).then(|| (force / reference).sqrt());
     comparison
 }

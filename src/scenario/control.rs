@@ -40,28 +40,13 @@ impl Schedule {
     pub fn new(start: &[f64], entries: &[Entry]) -> Self {
         let mut sorted: Vec<&Entry> = entries.iter().collect();
         sorted.sort_by(|a, b| a.time.total_cmp(&b.time));
-        let mut actuators: Vec<Course> = start
-            .iter()
-            .map(|&start| Course {
-                start,
-                ramps: Vec::new(),
-            })
-            .collect();
+        let mut actuators: Vec<Course> = start.iter().map(|&start| Course { start, ramps: Vec::new() }).collect();
         let mut from_time = 0.0;
         for entry in sorted {
             for (index, course) in actuators.iter_mut().enumerate() {
-                let own = entry
-                    .set
-                    .iter()
-                    .rev()
-                    .find(|(i, _)| *i == index)
-                    .map(|(_, value)| *value);
+                let own = entry.set.iter().rev().find(|(i, _)| *i == index).map(|(_, value)| *value);
                 if let Some(to) = own.or(entry.all) {
-                    course.ramps.push(Ramp {
-                        from_time,
-                        to_time: entry.time,
-                        to,
-                    });
+                    course.ramps.push(Ramp { from_time, to_time: entry.time, to });
                 }
             }
             from_time = entry.time;

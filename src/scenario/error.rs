@@ -130,19 +130,12 @@ pub(super) struct Field<'a> {
 
 impl<'a> Field<'a> {
     pub(super) fn new(file: &'a Path, name: &str) -> Self {
-        Self {
-            file,
-            name: name.to_owned(),
-        }
+        Self { file, name: name.to_owned() }
     }
 
     /// The error that says what the field is and what would be right.
     pub(super) fn wrong(self, problem: impl Into<String>) -> Error {
-        Error::Field {
-            file: self.file.to_path_buf(),
-            field: self.name,
-            problem: problem.into(),
-        }
+        Error::Field { file: self.file.to_path_buf(), field: self.name, problem: problem.into() }
     }
 
     /// The error for a name that the model does not have; `source` lists those that it has.

@@ -162,10 +162,8 @@ impl ScenarioFile {
     /// # Errors
     /// [`Error::Parse`] for text that is no scenario (unknown keys included), [`Error::Field`] for a value that makes no sense.
     pub fn parse(text: &str, path: &Path) -> Result<Self, Error> {
-        let file: Self = toml::from_str(text).map_err(|source| Error::Parse {
-            file: path.to_path_buf(),
-            source: Box::new(source),
-        })?;
+        let file: Self = toml::from_str(text)
+            .map_err(|source| Error::Parse { file: path.to_path_buf(), source: Box::new(source) })?;
         file.check(path)?;
         Ok(file)
     }
@@ -175,9 +173,7 @@ impl ScenarioFile {
         let at = |field: &str| Field::new(path, field);
         file_name(at("name"), &self.name)?;
         if self.model.as_os_str().is_empty() {
-            return Err(
-                at("model").wrong("is empty; give the MJCF file's path, relative to this file")
-            );
+            return Err(at("model").wrong("is empty; give the MJCF file's path, relative to this file"));
         }
         if self.grasp.is_empty() {
             return Err(at("grasp").wrong("is missing; give at least one [[grasp]] with a target"));
@@ -185,10 +181,7 @@ impl ScenarioFile {
         self.check_timeline(path)?;
         for (i, grasp) in self.grasp.iter().enumerate() {
             grasp.check(path, i)?;
-            if let Some(j) = self.grasp[..i]
-                .iter()
-                .position(|g| g.target == grasp.target && g.palm == grasp.palm)
-            {
+            if let Some(j) = self.grasp[..i].iter().position(|g| g.target == grasp.target && g.palm == grasp.palm) {
                 return Err(at(&format!("grasp[{i}]")).wrong(format!(
                     "has the target \"{}\" and the palm of grasp[{j}]; give each target and hand one [[grasp]]",
                     grasp.target
@@ -203,34 +196,23 @@ impl ScenarioFile {
             if let Some(start) = goal.start {
                 non_negative(at(&format!("{field}.start")), start)?;
             }
-            if self.goal[..i]
-                .iter()
-                .any(|g| g.effector_site == goal.effector_site)
-            {
-                return Err(at(&format!("{field}.effector_site")).wrong(format!(
-                    "\"{}\" has a goal already; a site can go to one place",
-                    goal.effector_site
-                )));
+            if self.goal[..i].iter().any(|g| g.effector_site == goal.effector_site) {
+                return Err(at(&format!("{field}.effector_site"))
+                    .wrong(format!("\"{}\" has a goal already; a site can go to one place", goal.effector_site)));
             }
         }
         let mut names = BTreeSet::new();
         for (i, push) in self.push.iter().enumerate() {
             push.check(path, i, self.timeline.duration)?;
             if !names.insert(push.name.as_str()) {
-                return Err(at(&format!("push[{i}].name")).wrong(format!(
-                    "\"{}\" is the name of another push; names must differ",
-                    push.name
-                )));
+                return Err(at(&format!("push[{i}].name"))
+                    .wrong(format!("\"{}\" is the name of another push; names must differ", push.name)));
             }
             if push.target.is_none() && self.grasp.len() > 1 {
                 return Err(at(&format!("push[{i}].target")).wrong(format!(
                     "is missing; with {} grasps, say which target is pushed: {}",
                     self.grasp.len(),
-                    self.grasp
-                        .iter()
-                        .map(|g| format!("\"{}\"", g.target))
-                        .collect::<Vec<_>>()
-                        .join(", ")
+                    self.grasp.iter().map(|g| format!("\"{}\"", g.target)).collect::<Vec<_>>().join(", ")
                 )));
             }
         }
@@ -239,11 +221,7 @@ impl ScenarioFile {
 
     fn check_timeline(&self, path: &Path) -> Result<(), Error> {
         let at = |field: &str| Field::new(path, field);
-        let Timeline {
-            duration,
-            pin_until,
-            ..
-        } = self.timeline;
+        let Timeline { duration, pin_until, .. } = self.timeline;
         let measure_from = self.timeline.measure_from();
         positive(at("timeline.duration"), duration)?;
         non_negative(at("timeline.pin_until"), pin_until)?;
@@ -254,9 +232,8 @@ impl ScenarioFile {
             )));
         }
         if measure_from >= duration {
-            return Err(at("timeline.measure_from").wrong(format!(
-                "is {measure_from} s; it must be before the end, duration = {duration} s"
-            )));
+            return Err(at("timeline.measure_from")
+                .wrong(format!("is {measure_from} s; it must be before the end, duration = {duration} s")));
         }
         Ok(())
     }
@@ -266,28 +243,21 @@ impl GraspEntry {
     fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
         let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
         if self.effectors.is_empty() && self.palm.is_none() {
-            return Err(at("palm").wrong(
-                "is missing, and so are the effectors; give the palm, the effectors, or both",
-            ));
+            return Err(at("palm").wrong("is missing, and so are the effectors; give the palm, the effectors, or both"));
         }
         let mut seen = BTreeSet::new();
         for (i, effector) in self.effectors.iter().enumerate() {
             if *effector == self.target {
-                return Err(at(&format!("effectors[{i}]")).wrong(format!(
-                    "\"{effector}\" is the target itself; effectors are links of the hand"
-                )));
+                return Err(at(&format!("effectors[{i}]"))
+                    .wrong(format!("\"{effector}\" is the target itself; effectors are links of the hand")));
             }
             if !seen.insert(effector.as_str()) {
-                return Err(
-                    at(&format!("effectors[{i}]")).wrong(format!("\"{effector}\" is listed twice"))
-                );
+                return Err(at(&format!("effectors[{i}]")).wrong(format!("\"{effector}\" is listed twice")));
             }
         }
         if self.palm.as_ref() == Some(&self.target) {
-            return Err(at("palm").wrong(format!(
-                "\"{}\" is the target itself; the palm is the base of the fingers",
-                self.target
-            )));
+            return Err(at("palm")
+                .wrong(format!("\"{}\" is the target itself; the palm is the base of the fingers", self.target)));
         }
         if let Some(q) = self.latch_quality {
             positive(at("latch_quality"), q)?;
@@ -295,8 +265,9 @@ impl GraspEntry {
         if let Some(q) = self.release_quality {
             non_negative(at("release_quality"), q)?;
             if let Some(latch) = self.latch_quality.filter(|&latch| q >= latch) {
-                return Err(at("release_quality")
-                    .wrong(format!("is {q} N; it must be below latch_quality = {latch} N, or the grasp would chatter")));
+                return Err(at("release_quality").wrong(format!(
+                    "is {q} N; it must be below latch_quality = {latch} N, or the grasp would chatter"
+                )));
             }
         }
         let boxed = self.limits == Some(Limits::Box);
@@ -309,9 +280,7 @@ impl GraspEntry {
         if let Some(q) = self.axes {
             let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
             if !norm.is_finite() || norm < 1e-6 {
-                return Err(at("axes").wrong(format!(
-                    "is {q:?}; give a quaternion w, x, y, z that is not zero"
-                )));
+                return Err(at("axes").wrong(format!("is {q:?}; give a quaternion w, x, y, z that is not zero")));
             }
         }
         Ok(())
@@ -358,10 +327,9 @@ impl PushEntry {
         let at = |field: &str| Field::new(path, &format!("push[{index}].{field}"));
         file_name(at("name"), &self.name)?;
         if matches!(self.name.as_str(), "all" | "none") {
-            return Err(at("name").wrong(format!(
-                "\"{}\" has a meaning of its own in --push; choose another name",
-                self.name
-            )));
+            return Err(
+                at("name").wrong(format!("\"{}\" has a meaning of its own in --push; choose another name", self.name))
+            );
         }
         non_negative(at("start"), self.start)?;
         positive(at("duration"), self.duration)?;
@@ -386,11 +354,7 @@ impl PushEntry {
 }
 
 fn finite(field: Field, value: f64) -> Result<(), Error> {
-    if value.is_finite() {
-        Ok(())
-    } else {
-        Err(field.wrong(format!("is {value}; it must be a finite number")))
-    }
+    if value.is_finite() { Ok(()) } else { Err(field.wrong(format!("is {value}; it must be a finite number"))) }
 }
 
 fn positive(field: Field, value: f64) -> Result<(), Error> {
@@ -405,9 +369,7 @@ fn non_negative(field: Field, value: f64) -> Result<(), Error> {
     if value.is_finite() && value >= 0.0 {
         Ok(())
     } else {
-        Err(field.wrong(format!(
-            "is {value}; it must be a finite number, 0 or above"
-        )))
+        Err(field.wrong(format!("is {value}; it must be a finite number, 0 or above")))
     }
 }
 
@@ -415,9 +377,7 @@ fn non_negative(field: Field, value: f64) -> Result<(), Error> {
 fn file_name(field: Field, name: &str) -> Result<(), Error> {
     let bad = |c: char| c == '/' || c == '\\' || c.is_control();
     if name.trim().is_empty() || name == "." || name == ".." || name.contains(bad) {
-        return Err(field.wrong(format!(
-            "is {name:?}; it names files, so it must not be empty and hold no / or \\"
-        )));
+        return Err(field.wrong(format!("is {name:?}; it names files, so it must not be empty and hold no / or \\")));
     }
     Ok(())
 }

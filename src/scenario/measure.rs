@@ -16,11 +16,8 @@ use crate::mujoco::BodyId;
 pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
     let mut runner = Runner::new(plan, Mode::Full, None)?;
     let from = plan.timeline.measure_from();
-    let failed = |runner: &Runner, source| Error::Step {
-        what: "full mode, push none".into(),
-        time: runner.time(),
-        source,
-    };
+    let failed =
+        |runner: &Runner, source| Error::Step { what: "full mode, push none".into(), time: runner.time(), source };
     if let Err(source) = runner.advance_to(from) {
         return Err(failed(&runner, source));
     }
@@ -29,12 +26,8 @@ pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
         return Err(failed(&runner, source));
     }
     let grasp = runner.grasp();
-    let contacts: Vec<ContactForce> = grasp
-        .contacts()
-        .iter()
-        .filter(|c| grasp.links().contains(&c.link_id))
-        .map(|c| c.contact_force())
-        .collect();
+    let contacts: Vec<ContactForce> =
+        grasp.contacts().iter().filter(|c| grasp.links().contains(&c.link_id)).map(|c| c.contact_force()).collect();
     let (com, weight) = weight(&runner, grasp.target());
     quality::report(&contacts, &com, &weight).map_err(Error::Quality)
 }
@@ -43,14 +36,7 @@ pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
 fn weight(runner: &Runner, target: BodyId) -> (Vector3<f64>, Vector6<f64>) {
     let sim = runner.sim();
     let model = sim.model();
-    let gravity = if model.has_gravity() {
-        model.gravity()
-    } else {
-        Vector3::zeros()
-    };
+    let gravity = if model.has_gravity() { model.gravity() } else { Vector3::zeros() };
     let force = model.body_subtreemass()[target.index()] * gravity;
-    (
-        sim.subtree_com_of(target),
-        Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0),
-    )
+    (sim.subtree_com_of(target), Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0))
 }

@@ -69,10 +69,7 @@ pub struct Motion {
 impl Motion {
     /// From `start` to `now`.
     pub fn between(start: &Sample, now: &Sample) -> Self {
-        Self {
-            offset: now.position - start.position,
-            rotation: now.rotation * start.rotation.inverse(),
-        }
+        Self { offset: now.position - start.position, rotation: now.rotation * start.rotation.inverse() }
     }
 }
 
@@ -82,9 +79,7 @@ pub fn lost_at(trajectory: &Trajectory, measure_from: f64) -> Option<usize> {
     let first = trajectory.index_at(measure_from)?;
     let window = &trajectory.samples()[first..];
     let start = window.first()?;
-    let moved = window
-        .iter()
-        .position(|s| Motion::between(start, s).offset.norm() >= LOSS_DISTANCE);
+    let moved = window.iter().position(|s| Motion::between(start, s).offset.norm() >= LOSS_DISTANCE);
     let untouched = match window.iter().rposition(|s| s.touching) {
         Some(last) if last + 1 == window.len() => None,
         Some(last) => Some(last + 1),
@@ -119,21 +114,14 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
     let (Some(start), Some(end)) = (window.first(), window.last()) else {
         return summary;
     };
-    let peak = window
-        .iter()
-        .map(|s| Motion::between(start, s).offset.norm())
-        .fold(0.0, f64::max);
+    let peak = window.iter().map(|s| Motion::between(start, s).offset.norm()).fold(0.0, f64::max);
     let offset = Motion::between(start, end).offset.norm();
     let lost = lost_at(trajectory, measure_from).is_some();
     summary.outcome = Some(classify(lost, peak, offset));
     summary.peak_motion_m = Some(peak);
     summary.final_offset_m = Some(offset);
     summary.max_penetration_m = Some(window.iter().map(|s| s.penetration).fold(0.0, f64::max));
-    summary.creep_m_per_s = if lost {
-        None
-    } else {
-        creep(window, pushed_until)
-    };
+    summary.creep_m_per_s = if lost { None } else { creep(window, pushed_until) };
     summary.normal_force_total_n = Some(trajectory.normal_forces(first).iter().sum());
     summary.slip_onset_s = window.iter().find(|s| s.slip > SLIP_ONSET).map(|s| s.time);
     summary.step_us_median = median(window.iter().map(|s| s.step_ns as f64 * 1e-3).collect());
@@ -160,10 +148,7 @@ fn creep(window: &[Sample], pushed_until: Option<f64>) -> Option<f64> {
         return None;
     }
     let last_second = &window[window.partition_point(|s| s.time < from - tolerance)..];
-    let path: f64 = last_second
-        .windows(2)
-        .map(|w| (w[1].position - w[0].position).norm())
-        .sum();
+    let path: f64 = last_second.windows(2).map(|w| (w[1].position - w[0].position).norm()).sum();
     Some(path / (end - last_second.first()?.time))
 }
 

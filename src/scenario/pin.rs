@@ -50,23 +50,15 @@ impl Pin {
         };
         let first_q = model.jnt_qposadr()[joint] as usize;
         let first_v = model.jnt_dofadr()[joint] as usize;
-        let own = (first_v..first_v + nv)
-            .map(|v| (model.dof_armature()[v], model.dof_M0()[v]))
-            .collect();
-        let pin = Self {
-            first_q,
-            position: sim.qpos()[first_q..first_q + nq].to_vec(),
-            first_v,
-            own,
-        };
+        let own = (first_v..first_v + nv).map(|v| (model.dof_armature()[v], model.dof_M0()[v])).collect();
+        let pin = Self { first_q, position: sim.qpos()[first_q..first_q + nq].to_vec(), first_v, own };
         pin.add_inertia(sim, INERTIA);
         pin
     }
 
     /// Before a step: back to the starting position, at rest.
     pub(super) fn hold(&self, sim: &mut Simulation) {
-        sim.qpos_mut()[self.first_q..self.first_q + self.position.len()]
-            .copy_from_slice(&self.position);
+        sim.qpos_mut()[self.first_q..self.first_q + self.position.len()].copy_from_slice(&self.position);
         sim.qvel_mut()[self.first_v..self.first_v + self.own.len()].fill(0.0);
     }
 

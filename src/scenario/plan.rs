@@ -8,7 +8,7 @@ use super::control::Entry;
 use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
 use super::source::Source;
-use crate::grasp::{GraspSpec, Limits};
+use crate::grasp::{GraspSpec, Limits, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
 /// A scenario whose every name exists on its model.
@@ -69,11 +69,7 @@ pub struct Push {
 impl Push {
     /// The same push, `factor` times as large.
     pub fn scaled(&self, factor: f64) -> Self {
-        Self {
-            force: self.force * factor,
-            torque: self.torque * factor,
-            ..self.clone()
-        }
+        Self { force: self.force * factor, torque: self.torque * factor, ..self.clone() }
     }
 }
 
@@ -83,9 +79,34 @@ impl Plan {
     /// # Errors
     /// Any [`Error`] that is bad input.
     pub fn load(scenario: &str) -> Result<Self, Error> {
+        Self::load_with(scenario, None)
+    }
+
+    /// As [`load`](Self::load), with every grasp bounded by `limits`, if any are given, whatever the file says. A grasp
+    /// that needs a weld gets one beside the user's MJCF, which stays as it is.
+    ///
+    /// # Errors
+    /// Any [`Error`] that is bad input.
+    pub fn load_with(scenario: &str, limits: Option<Limits>) -> Result<Self, Error> {
         let source = Source::find(scenario)?;
-        let file = ScenarioFile::parse(&source.text, &source.path)?;
-        let model = source.load_model(&file.model)?;
+        let mut file = ScenarioFile::parse(&source.text, &source.path)?;
+        for grasp in &mut file.grasp {
+            grasp.limits = limits.or(grasp.limits);
+        }
+        let welds: String = file
+            .grasp
+            .iter()
+            .filter(|g| g.limits.unwrap_or_default() != Limits::Cones)
+            .map(|g| weld_xml(&g.target, g.palm.as_deref()))
+            .collect();
+        // a target or palm that does not exist is found with a better message on the model as it is
+        let model = source.load_model(&file.model, "")?;
+        let names = |g: &GraspEntry| model.body(&g.target).is_ok() && g.palm.iter().all(|p| model.body(p).is_ok());
+        let model = if welds.is_empty() || !file.grasp.iter().all(names) {
+            model
+        } else {
+            source.load_model(&file.model, &welds)?
+        };
         Self::new(&file, &source.path, model)
     }
 
@@ -96,11 +117,7 @@ impl Plan {
     pub fn new(file: &ScenarioFile, path: &Path, model: Model) -> Result<Self, Error> {
         let at = |field: String| Field::new(path, &field);
         let keyframe = match &file.keyframe {
-            Some(name) => Some(
-                model
-                    .keyframe(name)
-                    .map_err(|e| at("keyframe".into()).unknown(e))?,
-            ),
+            Some(name) => Some(model.keyframe(name).map_err(|e| at("keyframe".into()).unknown(e))?),
             None => None,
         };
         let grasps = file
@@ -113,22 +130,12 @@ impl Plan {
         for (i, entry) in file.control.iter().enumerate() {
             let mut set = Vec::new();
             for (name, &value) in &entry.set {
-                let id = model
-                    .actuator(name)
-                    .map_err(|e| at(format!("control[{i}].set")).unknown(e))?;
+                let id = model.actuator(name).map_err(|e| at(format!("control[{i}].set")).unknown(e))?;
                 set.push((id.index(), value));
             }
-            controls.push(Entry {
-                time: entry.time,
-                all: entry.all,
-                set,
-            });
+            controls.push(Entry { time: entry.time, all: entry.all, set });
         }
-        let ready = controls
-            .iter()
-            .map(|c| c.time)
-            .filter(|&t| t <= file.timeline.pin_until)
-            .fold(0.0, f64::max);
+        let ready = controls.iter().map(|c| c.time).filter(|&t| t <= file.timeline.pin_until).fold(0.0, f64::max);
         let goals = file
             .goal
             .iter()
@@ -142,17 +149,7 @@ impl Plan {
             .map(|(i, entry)| push(&model, path, i, entry, &grasps))
             .collect::<Result<Vec<_>, _>>()?;
         let (name, timeline) = (file.name.clone(), file.timeline);
-        Ok(Self {
-            name,
-            file: path.to_path_buf(),
-            model,
-            keyframe,
-            timeline,
-            grasps,
-            controls,
-            goals,
-            pushes,
-        })
+        Ok(Self { name, file: path.to_path_buf(), model, keyframe, timeline, grasps, controls, goals, pushes })
     }
 
     /// The pushes that `--push` selects: `all` each by itself, `none` (or a scenario without pushes) the run without one.
@@ -167,20 +164,10 @@ impl Plan {
             name => match self.pushes.iter().find(|p| p.name == name) {
                 Some(push) => Ok(vec![Some(push)]),
                 None => {
-                    let known: Vec<String> = self
-                        .pushes
-                        .iter()
-                        .map(|p| format!("\"{}\"", p.name))
-                        .collect();
-                    let known = if known.is_empty() {
-                        "it has no pushes".into()
-                    } else {
-                        known.join(", ")
-                    };
+                    let known: Vec<String> = self.pushes.iter().map(|p| format!("\"{}\"", p.name)).collect();
+                    let known = if known.is_empty() { "it has no pushes".into() } else { known.join(", ") };
                     let field = Field::new(&self.file, "push");
-                    Err(field.wrong(format!(
-                        "has none called \"{name}\"; give all, none, or one of: {known}"
-                    )))
+                    Err(field.wrong(format!("has none called \"{name}\"; give all, none, or one of: {known}")))
                 }
             },
         }
@@ -192,29 +179,13 @@ impl Plan {
     /// A factor that is not finite.
     pub fn scale_pushes(mut self, factor: f64) -> Result<Self, Error> {
         if !factor.is_finite() {
-            let (option, value, expected) = (
-                "--scale-push",
-                factor.to_string(),
-                "it must be a finite number",
-            );
-            return Err(Error::Option {
-                option,
-                value,
-                expected,
-            });
+            let (option, value, expected) = ("--scale-push", factor.to_string(), "it must be a finite number");
+            return Err(Error::Option { option, value, expected });
         }
         for push in &mut self.pushes {
             *push = push.scaled(factor);
         }
         Ok(self)
-    }
-
-    /// The same plan with every grasp bounded in another way.
-    pub fn with_limits(mut self, limits: Limits) -> Self {
-        for grasp in &mut self.grasps {
-            grasp.limits = limits;
-        }
-        self
     }
 }
 
@@ -233,12 +204,7 @@ fn is_above(model: &CompiledModel, ancestor: usize, mut body: usize) -> bool {
     body == ancestor
 }
 
-fn grasp(
-    model: &CompiledModel,
-    path: &Path,
-    index: usize,
-    entry: &GraspEntry,
-) -> Result<GraspSpec, Error> {
+fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &GraspEntry) -> Result<GraspSpec, Error> {
     let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
     let body = |field: &str, name: &str| model.body(name).map_err(|e| at(field).unknown(e));
     let target = body("target", &entry.target)?;
@@ -256,9 +222,9 @@ fn grasp(
         let field = format!("effectors[{i}]");
         let effector = body(&field, name)?;
         if is_above(model, target.index(), effector.index()) {
-            return Err(at(&field).wrong(format!(
-                "\"{name}\" is a part of the target; effectors are links of the hand"
-            )));
+            return Err(
+                at(&field).wrong(format!("\"{name}\" is a part of the target; effectors are links of the hand"))
+            );
         }
         effectors.push(effector);
     }
@@ -284,10 +250,7 @@ fn grasp(
         )));
     }
     if is_above(model, target.index(), palm.index()) {
-        return Err(at("palm").wrong(format!(
-            "{} is a part of the target",
-            label(model, palm.index())
-        )));
+        return Err(at("palm").wrong(format!("{} is a part of the target", label(model, palm.index()))));
     }
     Ok(GraspSpec {
         effectors,
@@ -303,11 +266,7 @@ fn grasp(
 /// Lowest body above all effectors that is none of them.
 fn common_ancestor(model: &CompiledModel, effectors: &[BodyId]) -> BodyId {
     let mut ancestor = effectors.first().map_or(0, |e| e.index());
-    while ancestor != 0
-        && !effectors
-            .iter()
-            .all(|e| ancestor != e.index() && is_above(model, ancestor, e.index()))
-    {
+    while ancestor != 0 && !effectors.iter().all(|e| ancestor != e.index() && is_above(model, ancestor, e.index())) {
         ancestor = model.body_parentid()[ancestor] as usize;
     }
     BodyId::from_index(ancestor)
@@ -333,12 +292,8 @@ fn goal(
     ready: f64,
 ) -> Result<Goal, Error> {
     let at = |field: &str| Field::new(path, &format!("goal[{index}].{field}"));
-    let tip = model
-        .site(&entry.effector_site)
-        .map_err(|e| at("effector_site").unknown(e))?;
-    let goal = model
-        .site(&entry.target_site)
-        .map_err(|e| at("target_site").unknown(e))?;
+    let tip = model.site(&entry.effector_site).map_err(|e| at("effector_site").unknown(e))?;
+    let goal = model.site(&entry.target_site).map_err(|e| at("target_site").unknown(e))?;
     let body_of = |site: SiteId| model.site_bodyid()[site.index()] as usize;
     let on_target = |g: &GraspSpec| is_above(model, g.target.index(), body_of(goal));
     let on_hand = |g: &GraspSpec| {
@@ -353,12 +308,7 @@ fn goal(
         )));
     }
     match grasps.iter().position(|g| on_target(g) && on_hand(g)) {
-        Some(grasp) => Ok(Goal {
-            grasp,
-            tip,
-            goal,
-            start: entry.start.unwrap_or(ready),
-        }),
+        Some(grasp) => Ok(Goal { grasp, tip, goal, start: entry.start.unwrap_or(ready) }),
         None => Err(at("effector_site").wrong(format!(
             "\"{}\" is on {}, which is not below the palm of the grasp; give a site on a finger",
             entry.effector_site,
@@ -379,19 +329,10 @@ fn push(
         None => 0,
         Some(name) => {
             let body = model.body(name).map_err(|e| at("target").unknown(e))?;
-            grasps
-                .iter()
-                .position(|g| g.target == body)
-                .ok_or_else(|| {
-                    let known: Vec<String> = grasps
-                        .iter()
-                        .map(|g| label(model, g.target.index()))
-                        .collect();
-                    at("target").wrong(format!(
-                        "\"{name}\" is no target of a grasp; give one of: {}",
-                        known.join(", ")
-                    ))
-                })?
+            grasps.iter().position(|g| g.target == body).ok_or_else(|| {
+                let known: Vec<String> = grasps.iter().map(|g| label(model, g.target.index())).collect();
+                at("target").wrong(format!("\"{name}\" is no target of a grasp; give one of: {}", known.join(", ")))
+            })?
         }
     };
     let body = grasps[grasp].target;

@@ -32,10 +32,7 @@ pub struct Observer<'a> {
 
 impl Observer<'_> {
     /// Nobody is told.
-    pub const NOBODY: Observer<'static> = Observer {
-        steps: &|_| (),
-        finished: &|_| Ok(()),
-    };
+    pub const NOBODY: Observer<'static> = Observer { steps: &|_| (), finished: &|_| Ok(()) };
 }
 
 /// One run: what was recorded until its end, or until it failed.
@@ -108,22 +105,13 @@ pub fn run_all(
     options: Options,
     observer: &Observer<'_>,
 ) -> Result<Vec<Pair>, Error> {
-    let jobs: Vec<(Mode, Option<&Push>)> = pushes
-        .iter()
-        .flat_map(|&push| modes.iter().map(move |&mode| (mode, push)))
-        .collect();
-    let mut runs: Vec<Run> = jobs
-        .par_iter()
-        .map(|&(mode, push)| run(plan, mode, push, options, observer))
-        .collect::<Result<_, _>>()?;
+    let jobs: Vec<(Mode, Option<&Push>)> =
+        pushes.iter().flat_map(|&push| modes.iter().map(move |&mode| (mode, push))).collect();
+    let mut runs: Vec<Run> =
+        jobs.par_iter().map(|&(mode, push)| run(plan, mode, push, options, observer)).collect::<Result<_, _>>()?;
     let mut pairs = Vec::with_capacity(pushes.len());
     for _ in pushes {
-        let mut pair = Pair {
-            push: String::new(),
-            full: None,
-            grasp: None,
-            compare: None,
-        };
+        let mut pair = Pair { push: String::new(), full: None, grasp: None, compare: None };
         for run in runs.drain(..modes.len()) {
             pair.push.clone_from(&run.push);
             match run.mode {
@@ -133,11 +121,8 @@ pub fn run_all(
         }
         if let (Some(full), Some(grasp)) = (&pair.full, &pair.grasp) {
             let measure_from = plan.timeline.measure_from();
-            pair.compare = Some(compare(
-                (&full.trajectory, &full.summary),
-                (&grasp.trajectory, &grasp.summary),
-                measure_from,
-            ));
+            pair.compare =
+                Some(compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), measure_from));
         }
         pairs.push(pair);
     }
@@ -172,11 +157,7 @@ pub fn run(
         match runner.step() {
             Ok(sample) => trajectory.push(sample, runner.normal_forces()),
             Err(source) => {
-                let what = format!(
-                    "{} mode, push {}",
-                    mode.name(),
-                    push.map_or("none", |p| &p.name)
-                );
+                let what = format!("{} mode, push {}", mode.name(), push.map_or("none", |p| &p.name));
                 error = Some(Error::Step { what, time, source });
                 break;
             }
@@ -187,22 +168,14 @@ pub fn run(
         }
     }
     (observer.steps)(steps % REPORT_EVERY);
-    let mut summary = summarize(
-        &trajectory,
-        plan.timeline.measure_from(),
-        push.map(|p| p.end),
-    );
+    let mut summary = summarize(&trajectory, plan.timeline.measure_from(), push.map(|p| p.end));
     if error.is_some() {
         // How it would have ended is not known.
         summary.outcome = None;
         summary.final_offset_m = None;
         summary.creep_m_per_s = None;
     }
-    let best_quality = trajectory
-        .samples()
-        .iter()
-        .map(|s| s.quality)
-        .fold(0.0, f64::max);
+    let best_quality = trajectory.samples().iter().map(|s| s.quality).fold(0.0, f64::max);
     let warnings = runner
         .sim_mut()
         .take_warnings()

@@ -59,8 +59,6 @@ struct Watch {
     grasp: usize,
     palm: BodyId,
     target: BodyId,
-    in_hand: Vec<bool>,
-    in_target: Vec<bool>,
     /// Body -> index among the links.
     link_of: Vec<Option<usize>>,
     normal_forces: Vec<f64>,
@@ -88,24 +86,14 @@ impl Runner {
         let mut grasps = Vec::with_capacity(plan.grasps.len());
         let mut trackers = Vec::new();
         for (index, spec) in plan.grasps.iter().enumerate() {
-            let grasp = Grasp::new(&sim, spec).map_err(|source| Error::Grasp {
-                file: plan.file.clone(),
-                index,
-                source,
-            })?;
+            let grasp =
+                Grasp::new(&sim, spec).map_err(|source| Error::Grasp { file: plan.file.clone(), index, source })?;
             let tracker = Tracker::new(&sim, &plan.goals, index, grasp.palm(), grasp.target());
-            trackers.extend(tracker.map_err(|source| Error::Goal {
-                file: plan.file.clone(),
-                source,
-            })?);
+            trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
             grasps.push(grasp);
         }
         let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
-        let pins = if plan.timeline.pin_until > 0.0 {
-            Pin::all(&mut sim, &targets)
-        } else {
-            Vec::new()
-        };
+        let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
         let watched = push.map_or(0, |p| p.grasp);
         Ok(Self {
             mode,
@@ -187,15 +175,9 @@ impl Runner {
     /// An empty trajectory with the links of the run's grasp and room for the whole run.
     pub fn trajectory(&self) -> Trajectory {
         let model = self.sim.model();
-        let name = |&link: &BodyId| {
-            model
-                .body_name(link)
-                .map_or_else(|| format!("body{}", link.index()), str::to_owned)
-        };
-        Trajectory::new(
-            self.grasp().links().iter().map(name).collect(),
-            self.total_steps() as usize,
-        )
+        let name =
+            |&link: &BodyId| model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned);
+        Trajectory::new(self.grasp().links().iter().map(name).collect(), self.total_steps() as usize)
     }
 
     /// Runs up to `time` without recording.
@@ -219,9 +201,7 @@ impl Runner {
         if pinned {
             self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));
         } else {
-            self.pins
-                .drain(..)
-                .for_each(|pin| pin.let_go(&mut self.sim));
+            self.pins.drain(..).for_each(|pin| pin.let_go(&mut self.sim));
         }
         self.control(time)?;
         self.apply_push(time);
@@ -245,12 +225,7 @@ impl Runner {
         let sample = self.watch.sample(
             &self.sim,
             &self.grasps[self.watch.grasp],
-            Now {
-                time,
-                step_ns,
-                grasped,
-                slipping: (time >= self.measure_from - half).then_some(self.timestep),
-            },
+            Now { time, step_ns, grasped, slipping: (time >= self.measure_from - half).then_some(self.timestep) },
         );
         self.settle();
         Ok(sample)
@@ -279,8 +254,7 @@ impl Runner {
         let Some(push) = &self.push else { return };
         let half = 0.5 * self.timestep;
         let on = time >= push.start - half && time < push.end - half;
-        let wrench =
-            &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
+        let wrench = &mut self.sim.xfrc_applied_mut()[6 * push.body.index()..6 * push.body.index() + 6];
         wrench.fill(0.0);
         if on {
             wrench[..3].copy_from_slice(push.force.as_slice());
@@ -314,12 +288,7 @@ fn feel(sim: &Simulation, grasp: &Grasp, pinned: bool) -> Feel {
         load += contact.force;
         squeeze += contact.normal_force();
     }
-    Feel {
-        weak: grasp.quality() < grasp.latch_quality(),
-        pinned,
-        load,
-        squeeze,
-    }
+    Feel { weak: grasp.quality() < grasp.latch_quality(), pinned, load, squeeze }
 }
 
 /// What a sample needs besides the state.
@@ -335,88 +304,33 @@ impl Watch {
     fn new(sim: &Simulation, grasp: &Grasp, index: usize) -> Self {
         let model = sim.model();
         let (palm, target) = (grasp.palm(), grasp.target());
-        let below = |ancestor: usize, mut body: usize| {
-            while body > ancestor {
-                body = model.body_parentid()[body] as usize;
-            }
-            body == ancestor
-        };
-        let in_target: Vec<bool> = (0..model.nbody())
-            .map(|b| below(target.index(), b))
-            .collect();
-        let in_hand: Vec<bool> = (0..model.nbody())
-            .map(|b| {
-                !in_target[b]
-                    && if palm == BodyId::WORLD {
-                        // Fingers that stand on the world: the trees that hold the links.
-                        b != 0
-                            && grasp
-                                .links()
-                                .iter()
-                                .any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
-                    } else {
-                        below(palm.index(), b)
-                    }
-            })
-            .collect();
         let mut link_of = vec![None; model.nbody()];
         for (i, link) in grasp.links().iter().enumerate() {
             link_of[link.index()] = Some(i);
         }
         let n = grasp.links().len();
-        let (normal_forces, velocities, slip) = (
-            vec![0.0; n],
-            vec![Vector3::zeros(); n],
-            vec![Vector3::zeros(); n],
-        );
-        Self {
-            grasp: index,
-            palm,
-            target,
-            in_hand,
-            in_target,
-            link_of,
-            normal_forces,
-            velocities,
-            slip,
-        }
+        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
+        Self { grasp: index, palm, target, link_of, normal_forces, velocities, slip }
     }
 
     fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
         let palm = pose(sim, self.palm);
         self.normal_forces.fill(0.0);
         self.velocities.fill(Vector3::zeros());
+        let (mut touching, mut penetration) = (false, 0.0_f64);
         for contact in grasp.contacts() {
+            touching = true;
+            penetration = penetration.max(-contact.parameters.dist);
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
                 if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
-                    self.velocities[link] = palm
-                        .rotation
-                        .inverse_transform_vector(&contact.slip_velocity);
+                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
                 }
             }
         }
         if let Some(step) = at.slipping {
             for (slip, velocity) in self.slip.iter_mut().zip(&self.velocities) {
                 *slip += velocity * step;
-            }
-        }
-        // A latched grasp finds its contacts itself; any others of hand and target are the engine's.
-        let own = grasp
-            .contacts()
-            .iter()
-            .map(|c| (c.parameters.dist, c.parameters.margin));
-        let engine = sim.contacts().filter_map(|c| {
-            let [a, b] = c.bodies.map(BodyId::index);
-            let ours =
-                (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
-            ours.then_some((c.dist, c.include_margin))
-        });
-        let (mut touching, mut penetration) = (false, 0.0_f64);
-        for (dist, margin) in own.chain(engine) {
-            if dist < margin {
-                touching = true;
-                penetration = penetration.max(-dist);
             }
         }
         let target = palm.inv_mul(&pose(sim, self.target));

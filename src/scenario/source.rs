@@ -38,10 +38,7 @@ pub fn list() -> Result<Vec<Listed>, Error> {
         .iter()
         .map(|b| {
             let file = ScenarioFile::parse(b.toml, Path::new(b.path))?;
-            Ok(Listed {
-                name: b.name.to_owned(),
-                about: file.about.unwrap_or_default(),
-            })
+            Ok(Listed { name: b.name.to_owned(), about: file.about.unwrap_or_default() })
         })
         .collect()
 }
@@ -53,65 +50,49 @@ impl Source {
     /// [`Error::Unknown`], [`Error::Read`].
     pub fn find(scenario: &str) -> Result<Self, Error> {
         if let Some(builtin) = builtin::ALL.iter().find(|b| b.name == scenario) {
-            return Ok(Self {
-                path: builtin.path.into(),
-                text: builtin.toml.into(),
-                builtin: Some(builtin),
-            });
+            return Ok(Self { path: builtin.path.into(), text: builtin.toml.into(), builtin: Some(builtin) });
         }
         let path = PathBuf::from(scenario);
         match std::fs::read_to_string(&path) {
-            Ok(text) => Ok(Self {
-                path,
-                text: text.into(),
-                builtin: None,
-            }),
+            Ok(text) => Ok(Self { path, text: text.into(), builtin: None }),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 let known: Vec<&str> = builtin::ALL.iter().map(|b| b.name).collect();
-                Err(Error::Unknown {
-                    name: scenario.to_owned(),
-                    known: known.join(", "),
-                })
+                Err(Error::Unknown { name: scenario.to_owned(), known: known.join(", ") })
             }
             Err(source) => Err(Error::Read { file: path, source }),
         }
     }
 
-    /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory.
+    /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory. `extra` are elements to add to
+    /// it, "" for none.
     ///
     /// # Errors
     /// [`Error::Model`] with MuJoCo's own message.
-    pub fn load_model(&self, model: &Path) -> Result<Model, Error> {
+    pub fn load_model(&self, model: &Path, extra: &str) -> Result<Model, Error> {
         let failed = |model: PathBuf| {
             let file = self.path.clone();
-            move |source| Error::Model {
-                file,
-                model,
-                source,
-            }
+            move |source| Error::Model { file, model, source }
         };
         match self.builtin {
             Some(builtin) => {
-                let bare = model
-                    .file_name()
-                    .and_then(|n| n.to_str())
-                    .unwrap_or_default();
-                let xml = builtin
-                    .models
-                    .iter()
-                    .find(|(name, _)| *name == bare)
-                    .map_or("", |(_, text)| text);
+                let bare = model.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+                let xml = builtin.models.iter().find(|(name, _)| *name == bare).map_or("", |(_, text)| text);
                 let assets: Vec<(&str, &[u8])> = builtin
                     .models
                     .iter()
                     .filter(|(name, _)| *name != bare)
                     .map(|(n, text)| (*n, text.as_bytes()))
                     .collect();
-                Model::from_xml_with_assets(xml, &assets).map_err(failed(model.to_path_buf()))
+                let xml = xml.replace("</mujoco>", &format!("{extra}</mujoco>"));
+                Model::from_xml_with_assets(&xml, &assets).map_err(failed(model.to_path_buf()))
             }
             None => {
                 let path = self.path.parent().unwrap_or(Path::new("")).join(model);
-                Model::from_xml_file(&path).map_err(failed(path))
+                if extra.is_empty() {
+                    Model::from_xml_file(&path).map_err(failed(path))
+                } else {
+                    Model::from_xml_file_with(&path, extra).map_err(failed(path))
+                }
             }
         }
     }

@@ -4,6 +4,9 @@
 //!    together. The targets also carry the fingers' own weight, so that soft fingers come to the goals and not below.
 //! 2. The goals move inwards, at [`PRESS_RATE`], for as long as the quality is below the latch quality, up to
 //!    [`PRESS_LIMIT`]: the position actuators, which cannot follow, press.
+//!    Two tips have no third one to hold them up: they press by *force* instead, `J^T f` along the line that joins the
+//!    goals (a goal that moves inwards would push sideways too, as the fingers' joint springs are not equally stiff in
+//!    all directions), and share the force that the pin bears.
 //! 3. While the target is pinned, all goals together also move against the force that the pin has to bear, until the
 //!    fingers bear it: a soft hand then neither drops nor throws the target when the pin goes.
 //! 4. Once the target is free the goals stay where they are in the palm's frame (and still move inwards): goals that
@@ -22,6 +25,12 @@ use crate::mujoco::{BodyId, Simulation, SiteId};
 pub const APPROACH_SPEED: f64 = 0.1;
 /// Speed at which the goals move into the target \[m/s\].
 pub const PRESS_RATE: f64 = 0.010;
+/// Rate at which two tips press harder \[N/s\], and their largest force \[N\].
+pub const FORCE_RATE: f64 = 0.5;
+/// See [`FORCE_RATE`].
+pub const FORCE_LIMIT: f64 = 20.0;
+/// Time in which two tips take over what the pin bears \[s\].
+const TAKE_OVER: f64 = 0.2;
 /// Farthest that they move \[m\].
 pub const PRESS_LIMIT: f64 = 0.050;
 
@@ -50,6 +59,7 @@ pub struct Tracker {
     pub grasp: usize,
     palm: BodyId,
     target: BodyId,
+    tips: Vec<SiteId>,
     goals: Vec<SiteId>,
     start: f64,
     ik: InverseKinematics,
@@ -63,6 +73,10 @@ pub struct Tracker {
     inward: Vec<Vector3<f64>>,
     farthest: f64,
     pressed: f64,
+    /// Of a pair of tips: force of each along the line between the goals, and on the target as a whole \[N\].
+    squeeze: f64,
+    support: Vector3<f64>,
+    jacobian: Vec<f64>,
     /// Of all goals together, against the pin's load, world axes \[m\].
     shift: Vector3<f64>,
     /// Where the target was in the palm's frame when it became free.
@@ -79,10 +93,7 @@ enum State {
 
 /// Pose of a body in the world.
 pub(super) fn pose(sim: &Simulation, body: BodyId) -> Isometry3<f64> {
-    let (p, q) = (
-        &sim.xpos()[3 * body.index()..],
-        &sim.xquat()[4 * body.index()..],
-    );
+    let (p, q) = (&sim.xpos()[3 * body.index()..], &sim.xquat()[4 * body.index()..]);
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
     Isometry3::from_parts(Translation3::new(p[0], p[1], p[2]), rotation)
 }
@@ -108,10 +119,7 @@ impl Tracker {
             return Ok(None);
         }
         let model = sim.model();
-        let driven: Vec<_> = model
-            .joints()
-            .filter(|&j| PositionActuator::of(model, j).is_some())
-            .collect();
+        let driven: Vec<_> = model.joints().filter(|&j| PositionActuator::of(model, j).is_some()).collect();
         let tips: Vec<SiteId> = own.iter().map(|g| g.tip).collect();
         let ik = InverseKinematics::new(sim, palm, &tips, &driven)?;
         let actuators: Vec<(PositionActuator, usize)> = ik
@@ -127,6 +135,7 @@ impl Tracker {
             grasp: index,
             palm,
             target,
+            tips,
             goals: own.iter().map(|g| g.goal).collect(),
             start: own.iter().map(|g| g.start).fold(f64::INFINITY, f64::min),
             ik,
@@ -137,6 +146,9 @@ impl Tracker {
             inward: vec![Vector3::zeros(); n],
             farthest: 0.0,
             pressed: 0.0,
+            squeeze: 0.0,
+            support: Vector3::zeros(),
+            jacobian: vec![0.0; 6 * model.nv()],
             shift: Vector3::zeros(),
             freed_at: None,
             points: vec![Vector3::zeros(); n],
@@ -168,23 +180,21 @@ impl Tracker {
             self.state = State::Tracking;
         }
         let gone = APPROACH_SPEED * (time - self.start).max(0.0);
-        let share = if gone < self.farthest {
-            gone / self.farthest
-        } else {
-            1.0
-        };
+        let share = if gone < self.farthest { gone / self.farthest } else { 1.0 };
         let (palm, mut target) = (pose(sim, self.palm), pose(sim, self.target));
         if share == 1.0 {
-            self.press(step, feel);
+            if self.tips.len() == 2 {
+                self.squeeze_pair(sim, &target, step, feel)?;
+            } else {
+                self.press(step, feel);
+            }
             if !feel.pinned {
                 target = palm * *self.freed_at.get_or_insert(palm.inv_mul(&target));
             }
         }
         let now = pose(sim, self.target);
         for (i, point) in self.points.iter_mut().enumerate() {
-            let goal = now
-                .inverse_transform_point(&site(sim, self.goals[i]).into())
-                .coords;
+            let goal = now.inverse_transform_point(&site(sim, self.goals[i]).into()).coords;
             let local = self.from[i].lerp(&goal, share) + self.inward[i] * self.pressed;
             *point = target.transform_point(&local.into()).coords + self.shift;
         }
@@ -229,6 +239,31 @@ impl Tracker {
         }
     }
 
+    /// Two tips: torques `J^T f` of forces towards each other and against the pin's load, on top of the fingers' weight.
+    fn squeeze_pair(
+        &mut self,
+        sim: &Simulation,
+        target: &Isometry3<f64>,
+        step: f64,
+        feel: Feel,
+    ) -> Result<(), crate::mujoco::Error> {
+        if feel.weak {
+            self.squeeze = (self.squeeze + FORCE_RATE * step).min(FORCE_LIMIT);
+        }
+        if feel.pinned && feel.squeeze > 0.0 {
+            self.support = (self.support - feel.load * (step / TAKE_OVER)).cap_magnitude(FORCE_LIMIT);
+        }
+        let nv = sim.model().nv();
+        for (i, &tip) in self.tips.iter().enumerate() {
+            sim.jac_site(tip, &mut self.jacobian)?;
+            let force = target.rotation * self.inward[i] * self.squeeze + 0.5 * self.support;
+            for (weight, (_, dof)) in self.weight.iter_mut().zip(&self.actuators) {
+                *weight += (0..3).map(|k| self.jacobian[k * nv + dof] * force[k]).sum::<f64>();
+            }
+        }
+        Ok(())
+    }
+
     /// The tips start where the actuators' present targets put them, so that nothing jumps.
     fn begin(&mut self, sim: &Simulation, ctrl: &[f64]) {
         self.ik.start_from(sim);
@@ -246,25 +281,16 @@ impl Tracker {
         let body = self.target.index();
         let ipos = &sim.model().body_ipos()[3 * body..3 * body + 3];
         let centre = Vector3::from_column_slice(ipos);
-        let goals: Vec<Vector3<f64>> = self
-            .goals
-            .iter()
-            .map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords)
-            .collect();
+        let goals: Vec<Vector3<f64>> =
+            self.goals.iter().map(|&g| target.inverse_transform_point(&site(sim, g).into()).coords).collect();
         self.farthest = 0.0;
         for (i, goal) in goals.iter().enumerate() {
             let tip = palm.transform_point(&self.from[i].into());
             self.from[i] = target.inverse_transform_point(&tip).coords;
             self.farthest = self.farthest.max((goal - self.from[i]).norm());
             // Two tips can only squeeze along the line that joins them; more squeeze towards the centre of mass.
-            let towards = if let [a, b] = goals.as_slice() {
-                0.5 * (a + b)
-            } else {
-                centre
-            };
-            self.inward[i] = (towards - goal)
-                .try_normalize(1e-9)
-                .unwrap_or_else(Vector3::zeros);
+            let towards = if let [a, b] = goals.as_slice() { 0.5 * (a + b) } else { centre };
+            self.inward[i] = (towards - goal).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
         }
     }
 

@@ -45,21 +45,15 @@ impl Trajectory {
     /// `links`: names of the hand's links, for the normal forces. `steps`: room to take, so that [`Self::push`] allocates nothing.
     pub fn new(links: Vec<String>, steps: usize) -> Self {
         let normal_forces = Vec::with_capacity(steps * links.len());
-        Self {
-            links,
-            samples: Vec::with_capacity(steps),
-            normal_forces,
-        }
+        Self { links, samples: Vec::with_capacity(steps), normal_forces }
     }
 
     /// Appends a sample with the normal force of each link \[N\], in the order of [`Self::links`].
     pub fn push(&mut self, sample: Sample, normal_forces: &[f64]) {
         debug_assert_eq!(normal_forces.len(), self.links.len());
         self.samples.push(sample);
-        self.normal_forces
-            .extend(normal_forces.iter().take(self.links.len()));
-        self.normal_forces
-            .resize(self.samples.len() * self.links.len(), 0.0);
+        self.normal_forces.extend(normal_forces.iter().take(self.links.len()));
+        self.normal_forces.resize(self.samples.len() * self.links.len(), 0.0);
     }
 
     /// Names of the links.
@@ -75,9 +69,7 @@ impl Trajectory {
     /// Normal force of each link in sample `index` \[N\]; empty past the end.
     pub fn normal_forces(&self, index: usize) -> &[f64] {
         let n = self.links.len();
-        self.normal_forces
-            .get(index * n..(index + 1) * n)
-            .unwrap_or(&[])
+        self.normal_forces.get(index * n..(index + 1) * n).unwrap_or(&[])
     }
 
     /// Index of the first sample at or after `time`, half a step of tolerance included; `None` when the run ended before.
@@ -95,10 +87,7 @@ impl Trajectory {
     /// # Errors
     /// [`Error::Write`].
     pub fn write_csv(&self, path: &Path) -> Result<(), Error> {
-        let failed = |source: std::io::Error| Error::Write {
-            file: path.to_path_buf(),
-            source,
-        };
+        let failed = |source: std::io::Error| Error::Write { file: path.to_path_buf(), source };
         let file = File::create(path).map_err(failed)?;
         let mut writer = csv::Writer::from_writer(BufWriter::new(file));
         self.write_rows(&mut writer).map_err(|e| failed(e.into()))?;
@@ -106,22 +95,8 @@ impl Trajectory {
     }
 
     fn write_rows(&self, writer: &mut csv::Writer<BufWriter<File>>) -> Result<(), csv::Error> {
-        let fixed = [
-            "time_s",
-            "px_m",
-            "py_m",
-            "pz_m",
-            "qw",
-            "qx",
-            "qy",
-            "qz",
-            "phase",
-            "quality_n",
-        ];
-        let forces = self
-            .links
-            .iter()
-            .map(|link| format!("normal_force_n:{link}"));
+        let fixed = ["time_s", "px_m", "py_m", "pz_m", "qw", "qx", "qy", "qz", "phase", "quality_n"];
+        let forces = self.links.iter().map(|link| format!("normal_force_n:{link}"));
         writer.write_record(fixed.iter().map(|&s| s.to_owned()).chain(forces))?;
         for (index, s) in self.samples.iter().enumerate() {
             let (p, q) = (s.position, s.rotation);

@@ -18,27 +18,16 @@ impl Called {
     #[track_caller]
     pub fn json(&self) -> Value {
         let mut objects = serde_json::Deserializer::from_str(&self.stdout).into_iter::<Value>();
-        let first = objects
-            .next()
-            .expect("standard output is empty")
-            .expect("standard output is no JSON");
+        let first = objects.next().expect("standard output is empty").expect("standard output is no JSON");
         assert!(first.is_object(), "{first}");
-        assert!(
-            objects.next().is_none(),
-            "more than one JSON value: {}",
-            self.stdout
-        );
+        assert!(objects.next().is_none(), "more than one JSON value: {}", self.stdout);
         first
     }
 }
 
 /// Calls `mujoco-grasp` in `folder`.
 pub fn call_in(folder: &Path, args: &[&str]) -> Called {
-    let output = Command::new(env!("CARGO_BIN_EXE_mujoco-grasp"))
-        .args(args)
-        .current_dir(folder)
-        .output()
-        .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_mujoco-grasp")).args(args).current_dir(folder).output().unwrap();
     Called {
         status: output.status.code().expect("ended by a signal"),
         stdout: String::from_utf8(output.stdout).unwrap(),
@@ -48,12 +37,7 @@ pub fn call_in(folder: &Path, args: &[&str]) -> Called {
 
 /// The file of `tests/data`, absolute.
 pub fn data(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/data")
-        .join(name)
-        .to_str()
-        .unwrap()
-        .to_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name).to_str().unwrap().to_owned()
 }
 
 /// A folder of its own with copies of the claw and its scenario, the one changed by `model`, the other by `scenario`.

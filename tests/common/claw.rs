@@ -1,7 +1,7 @@
 //! The five-finger claw of tests/data, closed around its ball.
 #![allow(dead_code)]
 
-use mujoco_grasp::grasp::{self, Grasp, GraspSpec};
+use mujoco_grasp::grasp::{self, Error, Grasp, GraspSpec, weld_xml};
 use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
 use nalgebra::Vector3;
 
@@ -17,13 +17,24 @@ pub struct Claw {
 impl Claw {
     /// Closed around the ball, at rest, not yet latched; latching is allowed.
     pub fn closed(file: &str) -> Claw {
+        Claw::closed_as(file, |_, _| {})
+    }
+
+    /// As [`closed`](Self::closed), with changed options and another grasp; the model has a weld for a merged one.
+    pub fn closed_as(file: &str, change: impl Fn(&mut Simulation, &mut GraspSpec)) -> Claw {
         let path = format!("{}/tests/data/{file}", env!("CARGO_MANIFEST_DIR"));
-        let model = Model::from_xml_file(path).expect("the claw");
-        let mut sim = Simulation::new(&model).expect("a simulation");
+        Claw::closed_from(&Model::from_xml_file_with(path, &weld_xml("object", None)).expect("the claw"), change)
+    }
+
+    /// As [`closed_as`](Self::closed_as), of a model that is loaded already.
+    pub fn closed_from(model: &Model, change: impl Fn(&mut Simulation, &mut GraspSpec)) -> Claw {
+        let mut sim = Simulation::new(model).expect("a simulation");
         let key = sim.model().keyframe("open").expect("keyframe");
         sim.reset_to_keyframe(key).expect("a reset");
         let (target, palm) = (sim.model().body("object").expect("object"), sim.model().body("palm").expect("palm"));
-        let grasps = vec![Grasp::new(&sim, &GraspSpec::new(target, palm)).expect("a grasp")];
+        let mut spec = GraspSpec::new(target, palm);
+        change(&mut sim, &mut spec);
+        let grasps = vec![Grasp::new(&sim, &spec).expect("a grasp")];
         let open = sim.ctrl().to_vec();
         let mut claw = Claw { sim, grasps, target, palm, open };
         claw.grasps[0].allow_latch(false);
@@ -61,6 +72,10 @@ impl Claw {
 
     pub fn step(&mut self) {
         grasp::step(&mut self.sim, &mut self.grasps).expect("a step");
+    }
+
+    pub fn try_step(&mut self) -> Result<(), Error> {
+        grasp::step(&mut self.sim, &mut self.grasps)
     }
 
     pub fn run(&mut self, seconds: f64) {

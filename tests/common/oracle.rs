@@ -6,13 +6,19 @@ use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, S
 use mujoco_grasp::grasp::cone::{Bound, Law};
 use nalgebra::{DMatrix, DVector};
 
-/// `min 1/2 x'Px + q'x  s.t.  b - Ax in cones`
-pub fn conic(p: &DMatrix<f64>, q: &DVector<f64>, a: &DMatrix<f64>, b: &DVector<f64>, cones: &[SupportedConeT<f64>]) -> DVector<f64> {
+/// `min 1/2 x'Px + q'x  s.t.  b - Ax in cones`; `None` where the method gives up.
+pub fn conic(
+    p: &DMatrix<f64>,
+    q: &DVector<f64>,
+    a: &DMatrix<f64>,
+    b: &DVector<f64>,
+    cones: &[SupportedConeT<f64>],
+) -> Option<DVector<f64>> {
     let settings = DefaultSettings {
         verbose: false,
-        tol_gap_abs: 1e-11,
-        tol_gap_rel: 1e-11,
-        tol_feas: 1e-10,
+        tol_gap_abs: 1e-9,
+        tol_gap_rel: 1e-9,
+        tol_feas: 1e-9,
         reduced_tol_gap_abs: 1e-7,
         reduced_tol_gap_rel: 1e-7,
         reduced_tol_feas: 1e-7,
@@ -20,15 +26,14 @@ pub fn conic(p: &DMatrix<f64>, q: &DVector<f64>, a: &DMatrix<f64>, b: &DVector<f
         ..DefaultSettings::default()
     };
     let upper = DMatrix::from_fn(p.nrows(), p.ncols(), |i, j| if i <= j { p[(i, j)] } else { 0.0 });
-    let mut solver =
-        DefaultSolver::new(&csc(&upper), q.as_slice(), &csc(a), b.as_slice(), cones, settings).expect("a well-formed problem");
+    let mut solver = DefaultSolver::new(&csc(&upper), q.as_slice(), &csc(a), b.as_slice(), cones, settings)
+        .expect("a well-formed problem");
     solver.solve();
-    assert!(
-        matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress),
-        "{:?}",
-        solver.solution.status
+    let usable = matches!(
+        solver.solution.status,
+        SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
     );
-    DVector::from_vec(solver.solution.x.clone())
+    usable.then(|| DVector::from_vec(solver.solution.x.clone()))
 }
 
 fn csc(m: &DMatrix<f64>) -> CscMatrix<f64> {
@@ -141,5 +146,5 @@ pub fn project(law: &Law, jar: &[f64]) -> DVector<f64> {
     let d = dual(law, jar.len());
     let p = DMatrix::from_diagonal(&DVector::from_vec(d.regularisation.clone()));
     let q = d.to_rows.transpose() * DVector::from_column_slice(jar) - DVector::from_vec(d.shift.clone());
-    &d.to_rows * conic(&p, &q, &d.a, &d.b, &d.cones)
+    &d.to_rows * conic(&p, &q, &d.a, &d.b, &d.cones).expect("a solution")
 }

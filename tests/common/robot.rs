@@ -53,11 +53,7 @@ fn finger(k: usize) -> String {
     let (sin, cos) = angle.sin_cos();
     let links: String = (0..LINKS)
         .map(|link| {
-            let (x, y) = if link == 0 {
-                (0.0125 + 0.0499 * cos, 0.0499 * sin)
-            } else {
-                (0.0, 0.0)
-            };
+            let (x, y) = if link == 0 { (0.0125 + 0.0499 * cos, 0.0499 * sin) } else { (0.0, 0.0) };
             format!(
                 r#"<body pos="{x} {y} .03"><joint axis="{} {cos} 0" damping=".02"/>
                 <geom name="hand {k} {link}" type="capsule" size=".01 .01"/>"#,
@@ -72,11 +68,7 @@ fn finger(k: usize) -> String {
 pub fn hand_and_ball(sim: &Simulation) -> (Vec<GeomId>, Vec<GeomId>) {
     let model = sim.model();
     let named = |prefix: &str| {
-        let fits = |geom: &GeomId| {
-            model
-                .geom_name(*geom)
-                .is_some_and(|name| name.starts_with(prefix))
-        };
+        let fits = |geom: &GeomId| model.geom_name(*geom).is_some_and(|name| name.starts_with(prefix));
         model.geoms().filter(fits).collect()
     };
     (named("hand"), named("ball"))

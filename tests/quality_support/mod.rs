@@ -37,10 +37,7 @@ pub fn on_sphere(
     friction: [f64; 5],
     normal_force: f64,
 ) -> Vec<ContactForce> {
-    directions
-        .iter()
-        .map(|d| contact(d.normalize() * a, -d, condim, friction, normal_force))
-        .collect()
+    directions.iter().map(|d| contact(d.normalize() * a, -d, condim, friction, normal_force)).collect()
 }
 
 /// `n` directions around the equator.
@@ -76,10 +73,7 @@ impl Random {
     }
 
     pub fn uniform(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
@@ -100,13 +94,7 @@ impl Random {
                 let d = self.direction();
                 let position = d * (0.02 + 0.03 * self.uniform());
                 let normal = -d + self.direction() * 0.4;
-                let friction = [
-                    0.3 + self.uniform(),
-                    0.3 + self.uniform(),
-                    0.02 * self.uniform(),
-                    0.002,
-                    0.003,
-                ];
+                let friction = [0.3 + self.uniform(), 0.3 + self.uniform(), 0.02 * self.uniform(), 0.002, 0.003];
                 let force = 0.2 + 3.0 * self.uniform();
                 contact(position, normal, condim, friction, force)
             })

@@ -26,37 +26,22 @@ pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     progress.finish();
     let report = report?;
     if !report.latched {
-        complain(
-            "warning",
-            "the grasp is not latched at measure_from: its steps are those of the full solve",
-        );
+        complain("warning", "the grasp is not latched at measure_from: its steps are those of the full solve");
     }
     if report.pushed.is_none() {
-        complain(
-            "warning",
-            "no push makes the target slip: there is nothing to time for \"pushed\"",
-        );
+        complain("warning", "no push makes the target slip: there is nothing to time for \"pushed\"");
     }
     output.write(&report, || text(&report))?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn text(report: &Report) -> String {
-    let mut text = format!(
-        "{}: {} degrees of freedom, MuJoCo {}\n",
-        report.scenario, report.nv, report.engine
-    );
-    text.push_str(&format!(
-        "inverse kinematics: {} us per solve\n",
-        number(report.ik_us, 1.0, 2)
-    ));
+    let mut text = format!("{}: {} degrees of freedom, MuJoCo {}\n", report.scenario, report.nv, report.engine);
+    text.push_str(&format!("inverse kinematics: {} us per solve\n", number(report.ik_us, 1.0, 2)));
     text.push_str(&phases("still", &report.still));
     if let Some(pushed) = &report.pushed {
         let share = report.onset_factor.map(|f| 0.5 * f);
-        text.push_str(&phases(
-            &format!("pushed (the first push times +-{})", number(share, 1.0, 3)),
-            pushed,
-        ));
+        text.push_str(&phases(&format!("pushed (the first push times +-{})", number(share, 1.0, 3)), pushed));
     }
     text
 }
@@ -68,25 +53,13 @@ fn phases(title: &str, phases: &Phases) -> String {
             (Some(solver), _) => solver.clone(),
             (None, _) => String::new(),
         };
-        vec![
-            name.to_owned(),
-            number(t.step_us, 1.0, 2),
-            number(t.contact_us, 1.0, 2),
-            solver,
-        ]
+        vec![name.to_owned(), number(t.step_us, 1.0, 2), number(t.contact_us, 1.0, 2), solver]
     };
     let ratio = |name: &str, step: Option<f64>, contact: Option<f64>| {
-        vec![
-            name.to_owned(),
-            number(step, 1.0, 2),
-            number(contact, 1.0, 2),
-            String::new(),
-        ]
+        vec![name.to_owned(), number(step, 1.0, 2), number(contact, 1.0, 2), String::new()]
     };
     let r = &phases.ratio;
-    let head = ["", "step us", "contact us", "solver"]
-        .map(str::to_owned)
-        .to_vec();
+    let head = ["", "step us", "contact us", "solver"].map(str::to_owned).to_vec();
     let rows = [
         head,
         row("full", &phases.full),
@@ -97,9 +70,5 @@ fn phases(title: &str, phases: &Phases) -> String {
         ratio("full noslip / grasp", r.step_noslip, r.contact_noslip),
         ratio("grasp / floor", r.step_over_floor, None),
     ];
-    format!(
-        "\n{title}, medians of {} steps each\n{}",
-        phases.steps,
-        table(&rows)
-    )
+    format!("\n{title}, medians of {} steps each\n{}", phases.steps, table(&rows))
 }

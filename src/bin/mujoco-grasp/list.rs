@@ -11,10 +11,7 @@ use crate::output::{Output, table};
 pub fn list(output: Output) -> anyhow::Result<ExitCode> {
     let scenarios = source::list()?;
     output.write(&json!({ "scenarios": scenarios }), || {
-        let rows: Vec<Vec<String>> = scenarios
-            .iter()
-            .map(|s| vec![format!("{}  {}", s.name, s.about)])
-            .collect();
+        let rows: Vec<Vec<String>> = scenarios.iter().map(|s| vec![format!("{}  {}", s.name, s.about)]).collect();
         table(&rows)
     })?;
     Ok(ExitCode::SUCCESS)

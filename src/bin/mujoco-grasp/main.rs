@@ -4,6 +4,7 @@
 mod bench;
 mod list;
 mod output;
+mod pictures;
 mod progress;
 mod quality;
 mod run;

@@ -21,16 +21,8 @@ pub struct Output {
 
 impl Output {
     /// Writes the result: `value` as JSON, or `text`.
-    pub fn write(
-        self,
-        value: &impl Serialize,
-        text: impl FnOnce() -> String,
-    ) -> anyhow::Result<()> {
-        let mut out = if self.json {
-            serde_json::to_string_pretty(value)?
-        } else {
-            text().trim_end().to_owned()
-        };
+    pub fn write(self, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+        let mut out = if self.json { serde_json::to_string_pretty(value)? } else { text().trim_end().to_owned() };
         out.push('\n');
         match std::io::stdout().lock().write_all(out.as_bytes()) {
             // The reader has seen enough, as in `| head`.
@@ -53,10 +45,7 @@ impl Output {
 
 /// 2 for bad input, 1 for the rest.
 pub fn status(error: &anyhow::Error) -> ExitCode {
-    let bad = error
-        .chain()
-        .filter_map(|e| e.downcast_ref::<scenario::Error>())
-        .any(scenario::Error::is_bad_input);
+    let bad = error.chain().filter_map(|e| e.downcast_ref::<scenario::Error>()).any(scenario::Error::is_bad_input);
     ExitCode::from(if bad { BAD_INPUT } else { FAILURE })
 }
 
@@ -84,13 +73,7 @@ pub fn complain(kind: &str, message: &str) {
 /// Columns, the first aligned left and the others right.
 pub fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |c: usize| {
-        rows.iter()
-            .filter_map(|r| r.get(c))
-            .map(|s| s.chars().count())
-            .max()
-            .unwrap_or(0)
-    };
+    let width = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns).map(width).collect();
     let mut text = String::new();
     for row in rows {

@@ -23,11 +23,7 @@ impl Progress {
             bar.set_style(style.progress_chars("=> "));
         }
         bar.set_message(what);
-        Self {
-            bar,
-            started: Instant::now(),
-            shown: Mutex::new(false),
-        }
+        Self { bar, started: Instant::now(), shown: Mutex::new(false) }
     }
 
     /// So many more units are done.

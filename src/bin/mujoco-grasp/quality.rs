@@ -30,18 +30,9 @@ fn text(report: &QualityReport) -> String {
     let yes = |b: bool| if b { "yes" } else { "no" }.to_owned();
     let row = |name: &str, value: String| vec![name.to_owned(), value];
     table(&[
-        row(
-            "smallest singular value (thesis Eq. 2.18)",
-            format!("{:.4} N", report.min_singular_value_n),
-        ),
-        row(
-            "Ferrari-Canny epsilon",
-            format!("{:.4} N", report.ferrari_canny_n),
-        ),
-        row(
-            "volume of the wrench hull",
-            format!("{:.4e} N^6", report.hull_volume),
-        ),
+        row("smallest singular value (thesis Eq. 2.18)", format!("{:.4} N", report.min_singular_value_n)),
+        row("Ferrari-Canny epsilon", format!("{:.4} N", report.ferrari_canny_n)),
+        row("volume of the wrench hull", format!("{:.4e} N^6", report.hull_volume)),
         row("isotropy", format!("{:.4}", report.isotropy)),
         row("force closure", yes(report.force_closure)),
         row("holds its own weight", yes(report.holds_own_weight)),

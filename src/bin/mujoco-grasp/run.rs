@@ -40,16 +40,14 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
     noslip: Option<u16>,
     /// Multiplies every push.
-    #[arg(
-        long,
-        value_name = "X",
-        default_value_t = 1.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
     scale_push: f64,
     /// Scales each push to this share of the smallest that full mode does not hold (found by bisection).
     #[arg(long, value_name = "X", conflicts_with = "scale_push")]
     at_onset: Option<f64>,
+    /// Writes no plots and renders no frames.
+    #[arg(long)]
+    no_pictures: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -106,45 +104,29 @@ struct Report<'a> {
 
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let options = Options {
-        noslip: args.noslip.map(usize::from),
-    };
-    let mut plan = Plan::load(&args.scenario)?.scale_pushes(args.scale_push)?;
-    if let Some(limits) = args.limits {
-        plan = plan.with_limits(limits.limits());
-    }
+    let options = Options { noslip: args.noslip.map(usize::from) };
+    let limits = args.limits.map(LimitsArg::limits);
+    let mut plan = Plan::load_with(&args.scenario, limits)?.scale_pushes(args.scale_push)?;
     if let Some(share) = args.at_onset {
         plan = scale_to_onset(plan, share, &args.push, options)?;
     }
     let pushes = plan.select_pushes(&args.push)?;
     let modes = args.mode.modes();
-    let out = args
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
     // Sets a run up before anything is written: bad input leaves no folder behind.
     let steps = Runner::new(&plan, modes[0], pushes.first().copied().flatten())?.total_steps();
-    std::fs::create_dir_all(&out)
-        .with_context(|| format!("cannot make the folder {}", out.display()))?;
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
 
     let progress = Progress::new(steps * (modes.len() * pushes.len()) as u64, "simulating");
-    let observer = Observer {
-        steps: &|n| progress.advance(n),
-        finished: &|run: &Run| run.write_csv(&out).map(drop),
-    };
+    let observer = Observer { steps: &|n| progress.advance(n), finished: &|run: &Run| run.write_csv(&out).map(drop) };
     let pairs = run_all(&plan, modes, &pushes, options, &observer);
     progress.finish();
     let pairs = pairs?;
 
     let runs = || pairs.iter().flat_map(|p| [&p.full, &p.grasp]).flatten();
     runs().for_each(warn);
-    let failures: Vec<String> = runs()
-        .filter_map(|r| r.error.as_ref())
-        .map(ToString::to_string)
-        .collect();
-    failures
-        .iter()
-        .for_each(|message| complain("error", message));
+    let failures: Vec<String> = runs().filter_map(|r| r.error.as_ref()).map(ToString::to_string).collect();
+    failures.iter().for_each(|message| complain("error", message));
     let error = (!failures.is_empty()).then(|| failures.join("; "));
     let failed = error.is_some();
     let report = Report {
@@ -156,49 +138,24 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         error,
     };
     output.write(&report, || text(&report, &out))?;
-    Ok(if failed {
-        ExitCode::from(FAILURE)
-    } else {
-        ExitCode::SUCCESS
-    })
+    if !args.no_pictures {
+        crate::pictures::save_all(&plan, &pairs, &out);
+    }
+    Ok(if failed { ExitCode::from(FAILURE) } else { ExitCode::SUCCESS })
 }
 
 /// Multiplies the selected pushes so that each is `share` of the smallest that full mode does not hold.
-fn scale_to_onset(
-    mut plan: Plan,
-    share: f64,
-    selection: &str,
-    options: Options,
-) -> anyhow::Result<Plan> {
+fn scale_to_onset(mut plan: Plan, share: f64, selection: &str, options: Options) -> anyhow::Result<Plan> {
     if !share.is_finite() {
-        let (option, value, expected) = (
-            "--at-onset",
-            share.to_string(),
-            "it must be a finite number",
-        );
-        return Err(Error::Option {
-            option,
-            value,
-            expected,
-        }
-        .into());
+        let (option, value, expected) = ("--at-onset", share.to_string(), "it must be a finite number");
+        return Err(Error::Option { option, value, expected }.into());
     }
-    let selected: Vec<String> = plan
-        .select_pushes(selection)?
-        .into_iter()
-        .flatten()
-        .map(|p| p.name.clone())
-        .collect();
+    let selected: Vec<String> = plan.select_pushes(selection)?.into_iter().flatten().map(|p| p.name.clone()).collect();
     let start = full_at_measure(&plan, options)?;
     let factors: Vec<Option<f64>> = plan
         .pushes
         .par_iter()
-        .map_with(start, |start, p| {
-            selected
-                .contains(&p.name)
-                .then(|| onset(start, &plan, p))
-                .flatten()
-        })
+        .map_with(start, |start, p| selected.contains(&p.name).then(|| onset(start, &plan, p)).flatten())
         .collect();
     for (push, factor) in plan.pushes.iter_mut().zip(factors) {
         match factor {
@@ -206,10 +163,7 @@ fn scale_to_onset(
             None if selected.contains(&push.name) => {
                 complain(
                     "warning",
-                    &format!(
-                        "push {}: no size of it is found that is not held; left as it is",
-                        push.name
-                    ),
+                    &format!("push {}: no size of it is found that is not held; left as it is", push.name),
                 );
             }
             None => {}
@@ -253,16 +207,9 @@ fn text(report: &Report<'_>, out: &std::path::Path) -> String {
     ];
     let mut rows = vec![heads.map(str::to_owned).to_vec()];
     let mut compared = vec![
-        [
-            "push",
-            "same outcome",
-            "position rmse mm",
-            "relative",
-            "rotation rmse mrad",
-            "normal force",
-        ]
-        .map(str::to_owned)
-        .to_vec(),
+        ["push", "same outcome", "position rmse mm", "relative", "rotation rmse mrad", "normal force"]
+            .map(str::to_owned)
+            .to_vec(),
     ];
     for pair in report.runs {
         for run in [&pair.full, &pair.grasp].into_iter().flatten() {

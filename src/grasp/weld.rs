@@ -1,0 +1,154 @@
+//! The weld equality that carries a merged grasp: finding it, lending its rows, and the settings that the rows need.
+//!
+//! The weld is in the model for its six constraint rows only. It is switched on while the rows are made and off right
+//! after, so that nothing else ever sees it active; Jacobian, reference and regularisation are overwritten.
+
+use super::controller::{Grasp, Limits};
+use super::error::Error;
+use super::topology::Topology;
+use crate::mujoco::{EqualityId, EqualityKind, JacobianStorage, Simulation};
+
+/// Rows of a weld.
+pub const WELD_ROWS: usize = 6;
+
+/// The elements that a model needs, besides its own, for a grasp of body `target` with [`Limits::Box`] or
+/// [`Limits::Rigid`]: a weld, switched off and without a name. To be added after all other equality constraints, as
+/// `Model::from_xml_file_with` does with its second argument.
+///
+/// `hand` is any body of the hand that has a name; without, the weld's other side is the world. Either serves; two hands
+/// that grasp the same target need a weld each, told apart by `hand`.
+pub fn weld_xml(target: &str, hand: Option<&str>) -> String {
+    let target = escape(target);
+    let bodies = match hand {
+        Some(hand) => format!("body1=\"{}\" body2=\"{target}\"", escape(hand)),
+        None => format!("body1=\"{target}\""),
+    };
+    format!("<equality><weld {bodies} active=\"false\"/></equality>")
+}
+
+fn escape(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// The last weld between the target and the hand, or else between the target and the world.
+pub(super) fn find(sim: &Simulation, topology: &Topology, limits: Limits, target: &str) -> Result<EqualityId, Error> {
+    let model = sim.model();
+    let (first, second) = (model.eq_obj1id(), model.eq_obj2id());
+    let welds = |other: &dyn Fn(usize) -> bool| {
+        model
+            .equalities()
+            .filter(|&id| model.equality_kind(id) == Some(EqualityKind::Weld))
+            .filter(|id| {
+                let (a, b) = (first[id.index()] as usize, second[id.index()] as usize);
+                (topology.in_target(a) && other(b)) || (topology.in_target(b) && other(a))
+            })
+            .last()
+    };
+    let weld = welds(&|body| topology.in_hand(body))
+        .or_else(|| welds(&|body| body == 0))
+        .ok_or_else(|| Error::NoWeld { limits: limits.name(), target: target.to_string() })?;
+    if sim.is_equality_active(weld)? {
+        return Err(Error::WeldActive(target.to_string()));
+    }
+    Ok(weld)
+}
+
+/// Makes the engine's constraint rows, with the weld rows of each latched merged grasp that has contacts.
+pub(super) fn make_constraint(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+    let mut count = 0;
+    let mut relaxed = 0;
+    for grasp in grasps.iter().filter(|g| g.wants_weld()) {
+        switch(sim, grasp, true)?;
+        count += 1;
+        relaxed += grasp.relaxed_count();
+    }
+    let made = sim.make_constraint();
+    if count == 0 {
+        return Ok(made?);
+    }
+    for grasp in grasps.iter().filter(|g| g.wants_weld()) {
+        switch(sim, grasp, false)?;
+    }
+    made?;
+    let rows = lend(sim, grasps, count)?;
+    // All rows of all welds are alike until they are overwritten: the rigid ones come first, then those with bounds.
+    let mut rigid = rows.start;
+    let mut bounded = rows.end - relaxed;
+    sim.make_friction_rows(relaxed)?;
+    for grasp in grasps.iter_mut().filter(|g| g.wants_weld()) {
+        grasp.write_weld_rows(sim, &mut rigid, &mut bounded)?;
+    }
+    Ok(())
+}
+
+fn switch(sim: &mut Simulation, grasp: &Grasp, on: bool) -> Result<(), Error> {
+    match grasp.weld() {
+        Some(weld) => Ok(sim.set_equality_active(weld, on)?),
+        None => Ok(()),
+    }
+}
+
+/// The rows of `count` welds, checked to be the last of the equality rows.
+fn lend(sim: &Simulation, grasps: &[Grasp], count: usize) -> Result<std::ops::Range<usize>, Error> {
+    let missing = || Error::WeldRows { time: sim.time(), welds: count };
+    let end = sim.ne();
+    let start = end.checked_sub(WELD_ROWS * count).ok_or_else(missing)?;
+    for (i, grasp) in grasps.iter().enumerate().filter(|(_, g)| g.wants_weld()) {
+        let rows = grasp.weld().and_then(|weld| sim.equality_rows(weld));
+        let complete = rows.is_some_and(|r| r.len() == WELD_ROWS && r.start >= start);
+        let shared = grasps[..i].iter().any(|g| g.wants_weld() && g.weld() == grasp.weld());
+        if !complete || shared {
+            return Err(missing());
+        }
+    }
+    Ok(start..end)
+}
+
+/// The user's settings that weld rows cannot live with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settings {
+    noslip_iterations: usize,
+    jacobian: JacobianStorage,
+}
+
+/// Before a step: while a merged grasp is latched the Jacobian is dense (a sparse weld row has no finger columns), and
+/// with bounded rows there is no noslip pass (it would solve them without their regularisation, which is part of their
+/// reference). The user's settings come back in the first step without such a grasp.
+pub(super) fn adapt_settings(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+    let merged = grasps.iter().any(|g| g.is_merged());
+    let bounded = grasps.iter().any(|g| g.is_merged() && g.limits() == Limits::Box);
+    let holder = grasps.iter().position(|g| g.settings().is_some());
+    let (Some(holder), true) = (holder.or(merged.then_some(0)), merged) else {
+        for grasp in grasps {
+            grasp.restore_settings(sim)?;
+        }
+        return Ok(());
+    };
+    let model = sim.model();
+    let user = *grasps[holder]
+        .settings_mut()
+        .get_or_insert(Settings { noslip_iterations: model.noslip_iterations(), jacobian: model.jacobian_storage() });
+    user.put(sim, if bounded { 0 } else { user.noslip_iterations })?;
+    if sim.model().is_sparse() {
+        sim.set_jacobian_storage(JacobianStorage::Dense)?;
+    }
+    Ok(())
+}
+
+impl Settings {
+    fn put(&self, sim: &mut Simulation, noslip_iterations: usize) -> Result<(), Error> {
+        if sim.model().noslip_iterations() != noslip_iterations {
+            sim.set_noslip_iterations(noslip_iterations)?;
+        }
+        Ok(())
+    }
+
+    /// Gives the settings back.
+    pub(super) fn restore(&self, sim: &mut Simulation) -> Result<(), Error> {
+        self.put(sim, self.noslip_iterations)?;
+        if sim.model().jacobian_storage() != self.jacobian {
+            sim.set_jacobian_storage(self.jacobian)?;
+        }
+        Ok(())
+    }
+}
