@@ -210,8 +210,8 @@ impl Bench<'_> {
         Ok(Variant::new(Simulation::new(&self.plan.model)?, None, name))
     }
 
-    /// The cheapest solver for the full solve with so many noslip iterations that keeps the outcome; of all that
-    /// do not lose the target if none does (without noslip a still hand creeps).
+    /// The cheapest solver for the full solve with so many noslip iterations that keeps the outcome; if none does
+    /// (without noslip a still hand creeps), of all that at least keep the target for a turn.
     fn cheapest(&self, noslip: usize, push: Option<&Push>, load: Option<Load>) -> Result<Variant, Error> {
         let still = Push {
             name: "none".into(),
@@ -238,11 +238,9 @@ impl Bench<'_> {
         }
         if candidates.iter().any(Variant::kept_outcome) {
             candidates.retain(Variant::kept_outcome);
-        }
-        if candidates.is_empty() {
-            let mut own = self.engine_variant(Some((format!("the model's own, noslip {noslip}"), false)))?;
-            own.sim.set_noslip_iterations(noslip)?;
-            return Ok(own);
+        } else {
+            candidates.retain_mut(|v| self.turn_of(v, load).is_ok() && self.keeps_target(v, push.body));
+            candidates.iter_mut().for_each(Variant::forget);
         }
         self.take_turns(&mut candidates, TRIAL_TURNS, load)?;
         let cost = |v: &Variant| median(v.step_ns.clone()).unwrap_or(f64::INFINITY);

@@ -239,11 +239,7 @@ impl Runner {
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
         self.schedule.apply(time, &mut self.ctrl);
         for tracker in &mut self.trackers {
-            let feel = feel(
-                &self.sim,
-                &self.grasps[tracker.grasp],
-                !self.pins.is_empty(),
-            );
+            let feel = feel(&self.sim, &self.grasps[tracker.grasp], !self.pins.is_empty());
             tracker.drive(&self.sim, time, self.timestep, feel, &mut self.ctrl)?;
         }
         self.sim.ctrl_mut().copy_from_slice(&self.ctrl);
