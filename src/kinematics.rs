@@ -23,7 +23,7 @@ const SMALLEST_STEP: f64 = 1e-9;
 /// Largest change of a joint in one iteration \[rad or m\]: the linearization holds for no more.
 const LARGEST_STEP: f64 = 0.3;
 /// An accepted step that lowers the cost by less than this share ends a solve: the goals are out of reach.
-const SMALLEST_GAIN: f64 = 1e-6;
+const SMALLEST_GAIN: f64 = 1e-9;
 /// Iterations of one solve.
 const ITERATIONS: usize = 40;
 /// lambda^2 over the mean diagonal of J^T J, to begin with.

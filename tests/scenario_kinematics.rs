@@ -81,7 +81,7 @@ fn a_joint_on_its_limit_stays_there_and_the_other_one_takes_over() {
     assert_eq!(q[1], 0.5);
     // With a stiff elbow the best that the shoulder can do is to point the tip at the goal.
     let heading = q[0] + (0.2 * 0.5_f64.sin()).atan2(0.3 + 0.2 * 0.5_f64.cos());
-    assert!((heading - 0.2_f64.atan2(0.1)).abs() < 1e-5, "{heading}");
+    assert!((heading - 0.2_f64.atan2(0.1)).abs() < 1e-4, "{heading}");
 }
 
 #[test]

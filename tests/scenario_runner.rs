@@ -136,16 +136,33 @@ fn commanded_tips_arrive_at_the_goal_sites() {
     assert!((points[0] - goal(&runner, 0)).norm() > 1e-3);
     let mut solver = runner.trackers()[0].solver().clone();
     assert!(solver.solve(&palm, &points).unwrap().residual < 1e-6);
-    // Arrived, and pressed in by less than the rate times the time.
+    // Arrived: pressed in by less than the rate times the time, and moved together against the load of the pin.
     runner.advance_to(1.0).unwrap();
     let (_, points) = runner.trackers()[0].problem(runner.sim());
     let ball = runner.sim().body_position(plan.model.body("object").unwrap());
-    for (i, point) in points.iter().enumerate() {
-        let inward: Vector3<f64> = (ball - goal(&runner, i)).normalize();
-        let depth = (point - goal(&runner, i)).dot(&inward);
-        assert!((0.0..0.010).contains(&depth), "{depth}");
-        assert!((point - goal(&runner, i) - depth * inward).norm() < 1e-6);
+    let inward: Vec<Vector3<f64>> = (0..5).map(|i| (ball - goal(&runner, i)).normalize()).collect();
+    let moved: Vec<Vector3<f64>> = (0..5).map(|i| points[i] - goal(&runner, i)).collect();
+    let pressed = (moved[0] - moved[2]).norm() / (inward[0] - inward[2]).norm();
+    assert!((0.001..0.010).contains(&pressed), "{pressed}");
+    let shift = moved[0] - pressed * inward[0];
+    assert!(shift.norm() < 0.010 && shift.z > 0.0, "{shift}: the ball weighs on the pin");
+    for (moved, inward) in moved.iter().zip(&inward) {
+        assert!((moved - pressed * inward - shift).norm() < 1e-6);
     }
+}
+
+#[test]
+fn the_fingers_carry_the_target_before_the_pin_goes() {
+    let plan = load("claw_goals.toml");
+    let mut runner = Runner::new(&plan, Mode::Full, None).unwrap();
+    runner.advance_to(3.0).unwrap();
+    let ball = plan.model.body("object").unwrap();
+    let weight = 0.2 * 9.81;
+    let carried: f64 = runner.grasp().contacts().iter().map(|c| c.force.z).sum();
+    assert!((carried - weight).abs() < 0.02 * weight, "{carried} of {weight} N");
+    let before = runner.sim().body_position(ball);
+    runner.advance_to(3.5).unwrap();
+    assert!((runner.sim().body_position(ball) - before).norm() < 1e-3, "it drops");
 }
 
 #[test]

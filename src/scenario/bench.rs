@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::onset::{advance, full_at_measure, onset, outcome};
-use super::outcome::{Outcome, median};
+use super::outcome::{LOSS_DISTANCE, median};
 use super::plan::{Plan, Push};
 use super::run::Options;
 use super::runner::{Mode, Runner};
@@ -210,8 +210,8 @@ impl Bench<'_> {
         Ok(Variant::new(Simulation::new(&self.plan.model)?, None, name))
     }
 
-    /// The cheapest solver for the full solve with so many noslip iterations that keeps the outcome; of all that
-    /// do not lose the target if none does (without noslip a still hand creeps).
+    /// The cheapest solver for the full solve with so many noslip iterations that keeps the outcome; if none does
+    /// (without noslip a still hand creeps), of all that at least keep the target for a turn.
     fn cheapest(&self, noslip: usize, push: Option<&Push>, load: Option<Load>) -> Result<Variant, Error> {
         let still = Push {
             name: "none".into(),
@@ -229,31 +229,36 @@ impl Bench<'_> {
             for storage in [JacobianStorage::Dense, JacobianStorage::Sparse] {
                 let mut trial = self.reference.clone();
                 configure(trial.sim_mut(), solver, storage, noslip)?;
-                let found = outcome(&trial, self.plan, push);
-                if found != Outcome::Lost || found == wanted {
-                    let name = format!("{solver:?} {storage:?} noslip {noslip}").to_lowercase();
-                    let mut variant = self.engine_variant(Some((name, found == wanted)))?;
-                    configure(&mut variant.sim, solver, storage, noslip)?;
-                    candidates.push(variant);
-                }
+                let kept = outcome(&trial, self.plan, push) == wanted;
+                let name = format!("{solver:?} {storage:?} noslip {noslip}").to_lowercase();
+                let mut variant = self.engine_variant(Some((name, kept)))?;
+                configure(&mut variant.sim, solver, storage, noslip)?;
+                candidates.push(variant);
             }
         }
         if candidates.iter().any(Variant::kept_outcome) {
             candidates.retain(Variant::kept_outcome);
-        }
-        if candidates.is_empty() {
-            let mut own = self.engine_variant(Some((format!("the model's own, noslip {noslip}"), false)))?;
-            own.sim.set_noslip_iterations(noslip)?;
-            return Ok(own);
+        } else {
+            candidates.retain_mut(|v| self.turn_of(v, load).is_ok() && self.keeps_target(v, push.body));
+            candidates.iter_mut().for_each(Variant::forget);
         }
         self.take_turns(&mut candidates, TRIAL_TURNS, load)?;
         let cost = |v: &Variant| median(v.step_ns.clone()).unwrap_or(f64::INFINITY);
         let best = candidates.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
         let Some(mut best) = best else {
-            return self.engine_variant(None);
+            let name = format!("the model's own, noslip {noslip}");
+            let mut own = self.engine_variant(Some((name, false)))?;
+            own.sim.set_noslip_iterations(noslip)?;
+            return Ok(own);
         };
         best.forget();
         Ok(best)
+    }
+
+    /// Whether the target is still in the hand after a turn.
+    fn keeps_target(&self, variant: &Variant, target: BodyId) -> bool {
+        let moved = variant.sim.body_position(target) - self.sim.body_position(target);
+        moved.norm() < LOSS_DISTANCE
     }
 
     /// Every variant runs `turns` turns, one variant after the other, from the saved state.
