@@ -64,7 +64,7 @@ fn assert_projection(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
     } else {
         // strongly convex: feasible and no worse than the oracle means the same point
         let gap = oracle::objective(law, jar, &ours) - oracle::objective(law, jar, &oracle);
-        prop_assert!(gap < 1e-9, "objective is {gap} above the oracle's");
+        prop_assert!(gap < 1e-7, "objective is {gap} above the oracle's");
         prop_assert!(oracle::violation(law, &ours) < 1e-9, "outside the cone: {ours}");
     }
     Ok(())
