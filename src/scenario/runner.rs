@@ -59,8 +59,6 @@ struct Watch {
     grasp: usize,
     palm: BodyId,
     target: BodyId,
-    in_hand: Vec<bool>,
-    in_target: Vec<bool>,
     /// Body -> index among the links.
     link_of: Vec<Option<usize>>,
     normal_forces: Vec<f64>,
@@ -302,38 +300,23 @@ impl Watch {
     fn new(sim: &Simulation, grasp: &Grasp, index: usize) -> Self {
         let model = sim.model();
         let (palm, target) = (grasp.palm(), grasp.target());
-        let below = |ancestor: usize, mut body: usize| {
-            while body > ancestor {
-                body = model.body_parentid()[body] as usize;
-            }
-            body == ancestor
-        };
-        let in_target: Vec<bool> = (0..model.nbody()).map(|b| below(target.index(), b)).collect();
-        let in_hand: Vec<bool> = (0..model.nbody())
-            .map(|b| {
-                !in_target[b]
-                    && if palm == BodyId::WORLD {
-                        // Fingers that stand on the world: the trees that hold the links.
-                        b != 0 && grasp.links().iter().any(|l| model.body_rootid()[l.index()] == model.body_rootid()[b])
-                    } else {
-                        below(palm.index(), b)
-                    }
-            })
-            .collect();
         let mut link_of = vec![None; model.nbody()];
         for (i, link) in grasp.links().iter().enumerate() {
             link_of[link.index()] = Some(i);
         }
         let n = grasp.links().len();
         let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
-        Self { grasp: index, palm, target, in_hand, in_target, link_of, normal_forces, velocities, slip }
+        Self { grasp: index, palm, target, link_of, normal_forces, velocities, slip }
     }
 
     fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
         let palm = pose(sim, self.palm);
         self.normal_forces.fill(0.0);
         self.velocities.fill(Vector3::zeros());
+        let (mut touching, mut penetration) = (false, 0.0_f64);
         for contact in grasp.contacts() {
+            touching = true;
+            penetration = penetration.max(-contact.parameters.dist);
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
                 if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
@@ -344,15 +327,6 @@ impl Watch {
         if let Some(step) = at.slipping {
             for (slip, velocity) in self.slip.iter_mut().zip(&self.velocities) {
                 *slip += velocity * step;
-            }
-        }
-        let (mut touching, mut penetration) = (false, 0.0_f64);
-        for contact in sim.contacts() {
-            let [a, b] = contact.bodies.map(BodyId::index);
-            let ours = (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a]);
-            if ours && contact.dist < contact.include_margin {
-                touching = true;
-                penetration = penetration.max(-contact.dist);
             }
         }
         let target = palm.inv_mul(&pose(sim, self.target));
