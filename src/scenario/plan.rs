@@ -8,7 +8,7 @@ use super::control::Entry;
 use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
 use super::source::Source;
-use crate::grasp::{GraspSpec, Limits};
+use crate::grasp::{GraspSpec, Limits, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
 /// A scenario whose every name exists on its model.
@@ -81,7 +81,11 @@ impl Plan {
     pub fn load(scenario: &str) -> Result<Self, Error> {
         let source = Source::find(scenario)?;
         let file = ScenarioFile::parse(&source.text, &source.path)?;
-        let model = source.load_model(&file.model)?;
+        // `limits` may still change to one that needs a weld. A name that does not exist makes the engine refuse the
+        // welds; without them the model loads, and the name is reported as what it is.
+        let hand = |entry: &GraspEntry| entry.palm.clone().or_else(|| entry.effectors.first().cloned());
+        let welds: String = file.grasp.iter().map(|g| weld_xml(&g.target, hand(g).as_deref())).collect();
+        let model = source.load_model(&file.model, &welds).or_else(|_| source.load_model(&file.model, ""))?;
         Self::new(&file, &source.path, model)
     }
 

@@ -63,11 +63,12 @@ impl Source {
         }
     }
 
-    /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory.
+    /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory. `extra` are elements to add to
+    /// it, as [`Model::from_xml_file_with`] takes them; none if empty.
     ///
     /// # Errors
     /// [`Error::Model`] with MuJoCo's own message.
-    pub fn load_model(&self, model: &Path) -> Result<Model, Error> {
+    pub fn load_model(&self, model: &Path, extra: &str) -> Result<Model, Error> {
         let failed = |model: PathBuf| {
             let file = self.path.clone();
             move |source| Error::Model { file, model, source }
@@ -75,18 +76,19 @@ impl Source {
         match self.builtin {
             Some(builtin) => {
                 let bare = model.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-                let xml = builtin.models.iter().find(|(name, _)| *name == bare).map_or("", |(_, text)| text);
-                let assets: Vec<(&str, &[u8])> = builtin
-                    .models
-                    .iter()
-                    .filter(|(name, _)| *name != bare)
-                    .map(|(n, text)| (*n, text.as_bytes()))
-                    .collect();
-                Model::from_xml_with_assets(xml, &assets).map_err(failed(model.to_path_buf()))
+                let xml = format!("<mujoco>\n<include file=\"{bare}\"/>\n{extra}\n</mujoco>\n");
+                let assets: Vec<(&str, &[u8])> =
+                    builtin.models.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
+                Model::from_xml_with_assets(&xml, &assets).map_err(failed(model.to_path_buf()))
             }
             None => {
                 let path = self.path.parent().unwrap_or(Path::new("")).join(model);
-                Model::from_xml_file(&path).map_err(failed(path))
+                let loaded = if extra.is_empty() {
+                    Model::from_xml_file(&path)
+                } else {
+                    Model::from_xml_file_with(&path, extra)
+                };
+                loaded.map_err(failed(path))
             }
         }
     }
