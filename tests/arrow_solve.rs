@@ -59,7 +59,7 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
             Law::Slip { centre, resistance: 0.2, friction, bound: Bound::Ellipsoid(normal) }
         } else if condim == 1 {
             Law::Unilateral { stiffness: 0.5 }
-        } else if rng.next_u32() % 3 == 0 {
+        } else if rng.next_u32().is_multiple_of(3) {
             Law::Pyramidal { stiffness: 0.5, friction }
         } else {
             Law::Elliptic { stiffness: 0.5, cone: 0.8, friction }

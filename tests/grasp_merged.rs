@@ -251,7 +251,10 @@ fn a_model_without_its_weld_is_refused_with_advice() {
     assert!(grasp_of(&none, Limits::Cones).is_ok());
     for limits in MERGED {
         let message = grasp_of(&none, limits).expect_err("no weld").to_string();
-        assert!(message.contains("object") && message.contains(limits.name()) && message.contains("weld_xml"), "{message}");
+        assert!(
+            message.contains("object") && message.contains(limits.name()) && message.contains("weld_xml"),
+            "{message}"
+        );
     }
     // one between other bodies does not count
     let other = claw_with("<equality><weld body1=\"f0_1\" body2=\"f1_1\" active=\"false\"/></equality>");
@@ -268,19 +271,22 @@ fn a_model_without_its_weld_is_refused_with_advice() {
 #[test]
 fn other_equality_constraints_stay_in_force() {
     let tie = "<equality><joint joint1=\"f0_dip\" joint2=\"f1_dip\"/></equality>";
-    for (extra, sound) in [
-        (format!("{tie}{}", weld_xml("object", None)), true),
-        (format!("{}{tie}", weld_xml("object", None)), false),
-    ] {
+    for (extra, sound) in
+        [(format!("{tie}{}", weld_xml("object", None)), true), (format!("{}{tie}", weld_xml("object", None)), false)]
+    {
         let path = format!("{}/tests/data/claw.xml", env!("CARGO_MANIFEST_DIR"));
         let model = Model::from_xml_file_with(path, &extra).expect("the claw");
         let mut claw = Claw::closed_from(&model, |_, spec| spec.limits = Limits::Box);
         let error = (0..100).find_map(|_| claw.try_step().err());
         match error {
-            None => assert!(sound && claw.grasp().phase() == Phase::Grasped && (claw.sim.ne(), claw.sim.nf()) == (1, 6)),
+            None => {
+                assert!(sound && claw.grasp().phase() == Phase::Grasped && (claw.sim.ne(), claw.sim.nf()) == (1, 6))
+            }
             Some(error) => assert!(!sound && matches!(error, Error::WeldRows { .. }), "{error}"),
         }
-        let angle = |name| claw.sim.qpos()[claw.sim.model().jnt_qposadr()[claw.sim.model().joint(name).expect("it").index()] as usize];
+        let angle = |name| {
+            claw.sim.qpos()[claw.sim.model().jnt_qposadr()[claw.sim.model().joint(name).expect("it").index()] as usize]
+        };
         assert!((angle("f0_dip") - angle("f1_dip")).abs() < 1e-3);
     }
 }

@@ -166,7 +166,7 @@ fn position_actuators_are_found_with_their_gain_gear_and_bias() {
     assert!((a.scale - 10.0 / 3.0).abs() < 1e-12 && (a.offset + 0.2).abs() < 1e-12);
     // The joint feels 2 (3 ctrl + ...).
     assert!((a.compliance - 1.0 / 6.0).abs() < 1e-12);
-    assert_eq!(of("b"), Some(PositionActuator { index: 2, scale: 1.0, offset: 0.0 }));
+    assert_eq!(of("b"), Some(PositionActuator { index: 2, scale: 1.0, offset: 0.0, compliance: 1.0 / 7.0 }));
     assert_eq!(of("c"), None);
 }
 
@@ -254,7 +254,7 @@ fn two_hands(limits: [&str; 2]) {
 fn a_scenario_runs_with_any_limits() {
     for scenario in ["tests/data/claw.toml", "clutch"] {
         for limits in [Limits::Box, Limits::Rigid] {
-            let plan = Plan::load(scenario).unwrap().with_limits(limits);
+            let plan = Plan::load_with(scenario, Some(limits)).unwrap();
             let runner = Runner::new(&plan, Mode::Grasp, None).unwrap();
             assert_eq!(runner.grasps()[0].limits(), limits, "{scenario}");
         }

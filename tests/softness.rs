@@ -32,7 +32,7 @@ impl Dice {
     }
 
     fn flip(&mut self) -> bool {
-        self.0.next_u32() % 2 == 0
+        self.0.next_u32().is_multiple_of(2)
     }
 
     fn one_of<T: Copy>(&mut self, items: &[T]) -> T {

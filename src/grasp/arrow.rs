@@ -12,6 +12,8 @@
 //! factorization of the size of its own rows, and what is left are the root's twelve unknowns however many fingers and
 //! contacts there are.
 
+#![allow(clippy::needless_range_loop)] // small matrices are read by their indices, as in the formulas
+
 use super::cone::{Law, MAX_ROWS, Response, Zone};
 use super::dense;
 use nalgebra::{SMatrix, SVector};

@@ -26,17 +26,9 @@ impl Bounds {
         }
         let mean = 1.0 / count as f64;
         let centroid: Vector3<f64> = pushing.clone().map(|c| c.position * mean).sum();
-        let radius: f64 = pushing
-            .clone()
-            .map(|c| (c.position - centroid).norm() * mean)
-            .sum();
-        let force: f64 = pushing
-            .map(|c| c.active_friction().first().copied().unwrap_or(0.0) * c.normal_force)
-            .sum();
-        Bounds {
-            force,
-            torque: radius * force,
-        }
+        let radius: f64 = pushing.clone().map(|c| (c.position - centroid).norm() * mean).sum();
+        let force: f64 = pushing.map(|c| c.active_friction().first().copied().unwrap_or(0.0) * c.normal_force).sum();
+        Bounds { force, torque: radius * force }
     }
 
     /// Bound of axis `axis`: 0 to 2 linear, 3 to 5 angular.
@@ -68,10 +60,7 @@ mod tests {
     #[test]
     fn a_pinch_has_the_closed_form_of_the_thesis() {
         // mu F_perp = 0.8 (2 + 2); r = 0.03
-        let pair = [
-            contact([0.03, 0.0, 0.0], 0.8, 2.0),
-            contact([-0.03, 0.0, 0.0], 0.8, 2.0),
-        ];
+        let pair = [contact([0.03, 0.0, 0.0], 0.8, 2.0), contact([-0.03, 0.0, 0.0], 0.8, 2.0)];
         let bounds = Bounds::of(pair.iter().copied());
         assert!((bounds.force - 3.2).abs() < 1e-12);
         assert!((bounds.torque - 0.096).abs() < 1e-12);
@@ -108,10 +97,7 @@ mod tests {
                 ..*c
             })
             .collect();
-        let harder: Vec<_> = hand
-            .iter()
-            .map(|c| contact(c.position.into(), 0.7, 3.0))
-            .collect();
+        let harder: Vec<_> = hand.iter().map(|c| contact(c.position.into(), 0.7, 3.0)).collect();
         let [a, b, c] = [&hand, &moved, &harder].map(|h| Bounds::of(h.iter().copied()));
         assert!((a.force - b.force).abs() < 1e-12 && (a.torque - b.torque).abs() < 1e-12);
         assert!((2.0 * a.force - c.force).abs() < 1e-12 && (2.0 * a.torque - c.torque).abs() < 1e-12);

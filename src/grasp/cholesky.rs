@@ -41,9 +41,7 @@ mod tests {
     fn solves_what_it_factors() {
         for n in 1..9 {
             let b = |i: usize, j: usize| (1.0 + 2.0 * i as f64 + 0.7 * (i * j) as f64).sin();
-            let mut a: Vec<f64> = (0..n * n)
-                .map(|e| (0..n).map(|k| b(e / n, k) * b(e % n, k)).sum::<f64>())
-                .collect();
+            let mut a: Vec<f64> = (0..n * n).map(|e| (0..n).map(|k| b(e / n, k) * b(e % n, k)).sum::<f64>()).collect();
             (0..n).for_each(|i| a[i * n + i] += 0.1);
             let x: Vec<f64> = (0..n).map(|i| i as f64 - 2.5).collect();
             let mut rhs: Vec<f64> = (0..n).map(|i| dot(&a[i * n..(i + 1) * n], &x)).collect();

@@ -60,7 +60,7 @@ pub enum Law {
     },
     /// Friction under a known normal force. The rows are those after the normal.
     Slip {
-        /// Force at which the proximal step starts [N, N m].
+        /// Force at which the proximal step starts \[N, N m\].
         centre: [f64; 5],
         /// Proximal resistance of the first friction row; `r_j = resistance mu_0^2 / mu_j^2`.
         resistance: f64,

@@ -28,23 +28,23 @@ pub struct GraspContact {
     pub index: usize,
     /// Finger that the link belongs to; `None` for the palm.
     pub finger: Option<usize>,
-    /// Midpoint between the two surfaces [m].
+    /// Midpoint between the two surfaces \[m\].
     pub position: Vector3<f64>,
     /// Normal into the target, and two tangents.
     pub axes: [Vector3<f64>; 3],
     /// Distance, friction and softness.
     pub parameters: ContactParameters,
-    /// Force of each row: normal, two tangents [N], spin, two rolling [N m].
+    /// Force of each row: normal, two tangents \[N\], spin, two rolling \[N m\].
     pub force_rows: [f64; 6],
-    /// Force on the target [N].
+    /// Force on the target \[N\].
     pub force: Vector3<f64>,
-    /// Torque on the target besides that of `force` at `position` [N m].
+    /// Torque on the target besides that of `force` at `position` \[N m\].
     pub torque: Vector3<f64>,
     /// Where the contact stands on its cone: in the pass with soft contacts, and in the friction pass.
     pub zones: [Zone; 2],
     /// Force of each row in the pass with soft contacts.
     pub(super) main: [f64; 6],
-    /// Tangential velocity of the target relative to the link [m/s].
+    /// Tangential velocity of the target relative to the link \[m/s\].
     pub slip_velocity: Vector3<f64>,
     /// The same contact in the last step, if it existed.
     memory: Option<Memory>,
@@ -249,7 +249,7 @@ fn spatial(rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Spatial {
     Spatial::new(rotation.x, rotation.y, rotation.z, translation.x, translation.y, translation.z)
 }
 
-/// Velocity of the material point of `body` at `point`, world axes [m/s].
+/// Velocity of the material point of `body` at `point`, world axes \[m/s\].
 fn point_velocity(sim: &Simulation, body: usize, point: &Vector3<f64>) -> Vector3<f64> {
     let twist = &sim.cvel()[6 * body..6 * body + 6];
     let root = sim.model().body_rootid()[body] as usize;

@@ -50,11 +50,11 @@ pub struct GraspSpec {
     pub effectors: Vec<BodyId>,
     /// Base of the fingers; `None`: the lowest common ancestor of the effectors.
     pub palm: Option<BodyId>,
-    /// Quality at which the grasp latches, `Q_Th` [N]; `None`: from the target's weight.
+    /// Quality at which the grasp latches, `Q_Th` \[N\]; `None`: from the target's weight.
     pub latch_quality: Option<f64>,
-    /// Quality below which it is given up, `Q_M` [N]; `None`: from `Q_Th`.
+    /// Quality below which it is given up, `Q_M` \[N\]; `None`: from `Q_Th`.
     pub release_quality: Option<f64>,
-    /// Simulated time for which the quality must be good before the grasp latches [s].
+    /// Simulated time for which the quality must be good before the grasp latches \[s\].
     pub latch_time: f64,
     /// What stands for the contacts.
     pub limits: Limits,
@@ -64,7 +64,7 @@ pub struct GraspSpec {
     pub axes: UnitQuaternion<f64>,
 }
 
-/// Simulated time of good quality after which a grasp latches, unless set otherwise [s].
+/// Simulated time of good quality after which a grasp latches, unless set otherwise \[s\].
 pub const DEFAULT_LATCH_TIME: f64 = 0.05;
 
 impl GraspSpec {
@@ -221,17 +221,17 @@ impl Grasp {
         self.limits
     }
 
-    /// Smallest singular value of the grasp matrix of the last step's contacts [N], thesis Eqs. 2.17 and 2.18.
+    /// Smallest singular value of the grasp matrix of the last step's contacts \[N\], thesis Eqs. 2.17 and 2.18.
     pub fn quality(&self) -> f64 {
         self.gram.min_singular_value()
     }
 
-    /// `Q_Th` [N].
+    /// `Q_Th` \[N\].
     pub fn latch_quality(&self) -> f64 {
         self.latch_quality
     }
 
-    /// `Q_M` [N].
+    /// `Q_M` \[N\].
     pub fn release_quality(&self) -> f64 {
         self.release_quality
     }

@@ -93,6 +93,7 @@ pub fn lu_solve(a: &mut [f64], n: usize, b: &mut [f64], many: &mut [f64]) {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::needless_range_loop)]
     use super::*;
 
     #[test]

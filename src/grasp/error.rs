@@ -45,7 +45,7 @@ pub enum Error {
     Threshold {
         /// Which threshold.
         name: &'static str,
-        /// Its value [N].
+        /// Its value \[N\].
         value: f64,
         /// What would be right.
         expected: &'static str,
@@ -56,7 +56,9 @@ pub enum Error {
     )]
     Integrator,
     /// A form of the constraint that needs a weld, without one.
-    #[error("limits \"{limits}\" needs a weld between the hand and the target {target}, and the model has none; load it with Model::from_xml_file_with(path, &grasp::weld_xml(target, None)), or append that element to the model's text after all other equality constraints")]
+    #[error(
+        "limits \"{limits}\" needs a weld between the hand and the target {target}, and the model has none; load it with Model::from_xml_file_with(path, &grasp::weld_xml(target, None)), or append that element to the model's text after all other equality constraints"
+    )]
     NoWeld {
         /// Which limits were asked for.
         limits: &'static str,
@@ -64,10 +66,14 @@ pub enum Error {
         target: String,
     },
     /// The weld already holds the target.
-    #[error("the weld of the target {0} is switched on in the model: it must have active=\"false\", the grasp switches it on when it latches (see grasp::weld_xml)")]
+    #[error(
+        "the weld of the target {0} is switched on in the model: it must have active=\"false\", the grasp switches it on when it latches (see grasp::weld_xml)"
+    )]
     WeldActive(String),
     /// The weld's rows are not as they must be.
-    #[error("the engine did not make six constraint rows, after those of all other equality constraints, for each weld of the {welds} latched grasps at t = {time:.4} s; each grasp with limits \"box\" or \"rigid\" needs a weld of its own, the last equality constraints of the model, and the flag \"equality\" enabled")]
+    #[error(
+        "the engine did not make six constraint rows, after those of all other equality constraints, for each weld of the {welds} latched grasps at t = {time:.4} s; each grasp with limits \"box\" or \"rigid\" needs a weld of its own, the last equality constraints of the model, and the flag \"equality\" enabled"
+    )]
     WeldRows {
         /// Simulated time [s].
         time: f64,
@@ -79,7 +85,7 @@ pub enum Error {
         "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"
     )]
     Diverged {
-        /// Simulated time [s].
+        /// Simulated time \[s\].
         time: f64,
         /// Which quantity.
         what: &'static str,

@@ -140,17 +140,9 @@ fn whiten(
 }
 
 /// Direction of row `row` of a contact as a torque about `point` and a force, world axes.
-pub(super) fn direction(
-    contact: &GraspContact,
-    row: usize,
-    point: &Vector3<f64>,
-) -> (Vector3<f64>, Vector3<f64>) {
+pub(super) fn direction(contact: &GraspContact, row: usize, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let axis = contact.axes[row % 3];
-    if row < 3 {
-        ((contact.position - point).cross(&axis), axis)
-    } else {
-        (axis, Vector3::zeros())
-    }
+    if row < 3 { ((contact.position - point).cross(&axis), axis) } else { (axis, Vector3::zeros()) }
 }
 
 /// Wrench `[force; torque about point]` of a unit force in row `row` of a contact.
@@ -176,12 +168,7 @@ pub(super) fn reference_point(sim: &Simulation, body: usize) -> Vector3<f64> {
 }
 
 /// Calls `f` with each degree of freedom that moves `body`, the nearest first.
-pub(super) fn for_each_dof(
-    sim: &Simulation,
-    topology: &Topology,
-    body: usize,
-    mut f: impl FnMut(usize),
-) {
+pub(super) fn for_each_dof(sim: &Simulation, topology: &Topology, body: usize, mut f: impl FnMut(usize)) {
     let parent = sim.model().dof_parentid();
     let mut dof = topology.leaf(body);
     while let Some(i) = dof {

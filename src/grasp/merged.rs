@@ -73,13 +73,7 @@ impl Merged {
     /// Adds a finger with `n` contact rows: its own `mobility` `J M_ff^-1 J^T` (n x n, row-major; 1/kg, 1/(kg m),
     /// 1/(kg m^2)), its rows of `B` (n x base joints), each row's wrench of a unit force on the target, and each row's
     /// resistance `R > 0`.
-    pub fn add_finger(
-        &mut self,
-        mobility: &[f64],
-        base: &[f64],
-        maps: &[Vector6<f64>],
-        resistances: &[f64],
-    ) {
+    pub fn add_finger(&mut self, mobility: &[f64], base: &[f64], maps: &[Vector6<f64>], resistances: &[f64]) {
         let n = maps.len();
         let (first, factor) = (self.maps.len(), self.factors.len());
         self.fingers.push(Finger { first, rows: n, factor });
@@ -110,8 +104,7 @@ impl Merged {
             }
         }
         self.column = column;
-        let impedance: Matrix6<f64> =
-            self.maps.iter().zip(&self.shares).map(|(g, kg)| g * kg.transpose()).sum();
+        let impedance: Matrix6<f64> = self.maps.iter().zip(&self.shares).map(|(g, kg)| g * kg.transpose()).sum();
         self.impedance = (impedance + impedance.transpose()) * 0.5;
         let Some(factor) = self.impedance.cholesky() else { return false };
         let compliance = factor.inverse();
@@ -195,11 +188,7 @@ impl Merged {
 
     /// Softness of the contacts as the merged part has it, `K^-1 G k R k G^T K^-1`.
     pub fn softness(&self) -> Matrix6<f64> {
-        self.shares
-            .iter()
-            .zip(&self.resistances)
-            .map(|(share, &r)| share * share.transpose() * r)
-            .sum()
+        self.shares.iter().zip(&self.resistances).map(|(share, &r)| share * share.transpose() * r).sum()
     }
 
     /// The squeeze, which no row across the grasp can see: `fint = k (G^T K^-1 G k d - d)` for motions `d` that the rows
@@ -229,11 +218,7 @@ mod tests {
         (0..6)
             .map(|i| {
                 let axis = r.matrix().column(i % 3).into_owned();
-                let (f, t) = if i < 3 {
-                    (axis, p.cross(&axis))
-                } else {
-                    (Vector3::zeros(), axis)
-                };
+                let (f, t) = if i < 3 { (axis, p.cross(&axis)) } else { (Vector3::zeros(), axis) };
                 Vector6::new(f.x, f.y, f.z, t.x, t.y, t.z)
             })
             .collect()
@@ -246,9 +231,7 @@ mod tests {
     /// Mobility `B B^T` of rank 2, as a finger of two joints has it.
     fn mobility(seed: f64) -> Vec<f64> {
         let b = |i: usize, j: usize| (seed + 1.7 * i as f64 + 0.9 * j as f64).sin();
-        (0..36)
-            .map(|e| b(e / 6, 0) * b(e % 6, 0) + b(e / 6, 1) * b(e % 6, 1))
-            .collect()
+        (0..36).map(|e| b(e / 6, 0) * b(e % 6, 0) + b(e / 6, 1) * b(e % 6, 1)).collect()
     }
 
     /// Joints that carry the palm.
@@ -327,8 +310,7 @@ mod tests {
     #[test]
     fn squeeze_and_shares_are_the_stick_solution_of_the_whole_grasp() {
         let mut merged = hand(&Rotation3::identity(), &[0, 1, 2]);
-        let inertia =
-            Matrix6::from_diagonal(&Vector6::new(0.2, 0.2, 0.2, 1e-3, 2e-3, 3e-3)) * 100.0;
+        let inertia = Matrix6::from_diagonal(&Vector6::new(0.2, 0.2, 0.2, 1e-3, 2e-3, 3e-3)) * 100.0;
         let smooth = Vector6::new(0.0, 0.0, -9.81, 0.1, 0.0, 0.2);
         let u: Vec<f64> = (0..18).map(|i| (1.3 * i as f64).sin()).collect();
         // oracle: dense block elimination of [Mo, -G; G^T, W] [a; f] = [Mo a0; u]
@@ -356,20 +338,13 @@ mod tests {
         let oracle = a.lu().solve(&b).unwrap();
         // form 2: lambda = K (ubar - a), Mo (a - a0) = lambda
         let k = *merged.impedance();
-        let target = (inertia + k)
-            .lu()
-            .solve(&(inertia * smooth + k * merged.merge(&u)))
-            .unwrap();
+        let target = (inertia + k).lu().solve(&(inertia * smooth + k * merged.merge(&u))).unwrap();
         let lambda = k * (merged.merge(&u) - target);
         let mut squeeze = Vec::new();
         merged.internal(&u, &mut squeeze);
         for i in 0..18 {
             let f = merged.share(i).dot(&lambda) - squeeze[i];
-            assert!(
-                (f - oracle[6 + i]).abs() < 1e-8,
-                "{i}: {f} {}",
-                oracle[6 + i]
-            );
+            assert!((f - oracle[6 + i]).abs() < 1e-8, "{i}: {f} {}", oracle[6 + i]);
         }
         assert!((target - oracle.rows(0, 6)).norm() < 1e-9);
     }
@@ -377,17 +352,12 @@ mod tests {
     #[test]
     fn turning_the_world_turns_the_merged_part_and_order_changes_nothing() {
         let turn = rotation(0.77);
-        let (still, turned) = (
-            hand(&Rotation3::identity(), &[0, 1, 2, 3]),
-            hand(&turn, &[0, 1, 2, 3]),
-        );
+        let (still, turned) = (hand(&Rotation3::identity(), &[0, 1, 2, 3]), hand(&turn, &[0, 1, 2, 3]));
         let mut six = Matrix6::zeros();
         six.fixed_view_mut::<3, 3>(0, 0).copy_from(turn.matrix());
         six.fixed_view_mut::<3, 3>(3, 3).copy_from(turn.matrix());
         let scale = still.impedance().amax();
-        assert!(
-            (six * still.impedance() * six.transpose() - turned.impedance()).amax() < 1e-12 * scale
-        );
+        assert!((six * still.impedance() * six.transpose() - turned.impedance()).amax() < 1e-12 * scale);
         for row in 0..24 {
             assert!((six * still.share(row) - turned.share(row)).norm() < 1e-9);
         }
@@ -402,9 +372,6 @@ mod tests {
         merged.begin(0);
         let rows = maps(&Vector3::new(0.1, 0.0, 0.0), &Rotation3::identity());
         merged.add_finger(&[0.0; 9], &[], &rows[..3], &[0.1; 3]);
-        assert!(
-            !merged.finish(),
-            "one hard contact holds three motions of six"
-        );
+        assert!(!merged.finish(), "one hard contact holds three motions of six");
     }
 }

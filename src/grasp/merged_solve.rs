@@ -179,10 +179,7 @@ impl MergedSolver {
         self.place_frame(sim);
         self.merge(sim, topology, options, contacts);
         if !self.merged.finish() {
-            return Err(Error::Diverged {
-                time: sim.time(),
-                what: "the impedance of the merged effectors",
-            });
+            return Err(Error::Diverged { time: sim.time(), what: "the impedance of the merged effectors" });
         }
         let rows = self.bounded.map(|b| {
             let next = if b { &mut *bounded } else { &mut *rigid };
@@ -206,13 +203,7 @@ impl MergedSolver {
     }
 
     /// Impedances of all contacts, finger by finger.
-    fn merge(
-        &mut self,
-        sim: &Simulation,
-        topology: &Topology,
-        options: &SolverOptions,
-        contacts: &[GraspContact],
-    ) {
+    fn merge(&mut self, sim: &Simulation, topology: &Topology, options: &SolverOptions, contacts: &[GraspContact]) {
         let lever = mean_distance(contacts).max(LEAST_LEVER);
         self.merged.begin(self.fingers.base());
         self.order.clear();
@@ -269,9 +260,7 @@ impl MergedSolver {
             }
         });
         for (block, &i) in self.order.iter().enumerate() {
-            let map = link_motion(sim, &contacts[i], |row| {
-                turn(&to_axes, self.merged.share(ROWS * block + row))
-            });
+            let map = link_motion(sim, &contacts[i], |row| turn(&to_axes, self.merged.share(ROWS * block + row)));
             for_each_dof(sim, topology, contacts[i].link, |dof| {
                 let axis = Vector6::from_column_slice(&sim.cdof()[6 * dof..6 * dof + 6]);
                 let merged = map * axis;
@@ -381,10 +370,8 @@ impl Law {
     fn of(contact: &GraspContact, options: &SolverOptions, memory: &[Memory]) -> Law {
         let soft = softness(&contact.parameters, options);
         let distance = |m: &&Memory| (m.position - contact.position).norm_squared();
-        let before = memory
-            .iter()
-            .filter(|m| m.geoms == contact.geoms)
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let before =
+            memory.iter().filter(|m| m.geoms == contact.geoms).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let mut friction = [0.0; ROWS];
         if let Some(before) = before {
             for row in 1..contact.parameters.condim {
@@ -429,9 +416,7 @@ fn normal_resistance(contact: &GraspContact, options: &SolverOptions, regularisa
 /// of `J a + N l = aref` as its fixed point and comes nearer to it in every step, since `0 <= D - N < D + J M^-1 J^T`.
 fn regularise(softness: &Matrix6<f64>) -> ([f64; WELD_ROWS], Matrix6<f64>) {
     let diagonal: [f64; WELD_ROWS] = std::array::from_fn(|i| {
-        (0..WELD_ROWS)
-            .map(|j| softness[(i, j)].abs() * (softness[(i, i)] / softness[(j, j)]).sqrt())
-            .sum()
+        (0..WELD_ROWS).map(|j| softness[(i, j)].abs() * (softness[(i, i)] / softness[(j, j)]).sqrt()).sum()
     });
     (diagonal, Matrix6::from_diagonal(&Vector6::from(diagonal)) - softness)
 }

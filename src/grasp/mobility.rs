@@ -44,7 +44,7 @@ pub struct Dynamics<'a> {
 }
 
 impl Dynamics<'_> {
-    /// Centre of mass of the tree that `body` belongs to: the point that its spatial vectors refer to [m].
+    /// Centre of mass of the tree that `body` belongs to: the point that its spatial vectors refer to \[m\].
     pub fn reference_point(&self, body: usize) -> Vector3<f64> {
         let root = self.body_root[body] as usize;
         Vector3::from_column_slice(&self.subtree_com[3 * root..3 * root + 3])

@@ -1,6 +1,6 @@
 //! When a grasp latches and when it is given up.
 
-/// The sum of many steps must not miss the mark by a rounding error [s].
+/// The sum of many steps must not miss the mark by a rounding error \[s\].
 const ROUNDING: f64 = 1e-9;
 
 /// The two states of the thesis (its Figure 4.1).
@@ -22,7 +22,7 @@ pub struct Observation {
     pub sufficient: bool,
     /// An effector pushes on the target.
     pub touching: bool,
-    /// Simulated time since the last observation [s].
+    /// Simulated time since the last observation \[s\].
     pub elapsed: f64,
 }
 

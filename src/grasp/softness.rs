@@ -25,22 +25,22 @@ pub struct ContactParameters {
     pub solref: [f64; 2],
     /// `(dmin, dmax, width, midpoint, power)`
     pub solimp: [f64; 5],
-    /// Distance between the surfaces, negative when they overlap [m].
+    /// Distance between the surfaces, negative when they overlap \[m\].
     pub dist: f64,
-    /// Distance at which the contact starts to push [m].
+    /// Distance at which the contact starts to push \[m\].
     pub margin: f64,
     /// 1, 3, 4 or 6.
     pub condim: usize,
-    /// Two tangential coefficients, spin [m], two rolling [m].
+    /// Two tangential coefficients, spin \[m\], two rolling \[m\].
     pub friction: [f64; 5],
-    /// Sum of the two bodies' translational `invweight0` [1/kg].
+    /// Sum of the two bodies' translational `invweight0` \[1/kg\].
     pub inverse_weight: f64,
 }
 
 /// Options of the model that enter the softness.
 #[derive(Clone, Copy, Debug)]
 pub struct SolverOptions {
-    /// Time step [s].
+    /// Time step \[s\].
     pub timestep: f64,
     /// False with the disable flag `refsafe`.
     pub refsafe: bool,
@@ -53,11 +53,11 @@ pub struct SolverOptions {
 /// A contact's rows as a spring and damper with a regularised force law.
 #[derive(Clone, Copy, Debug)]
 pub struct Softness {
-    /// `aref = -damping v - spring` on the normal row, `-damping v` on the others [1/s].
+    /// `aref = -damping v - spring` on the normal row, `-damping v` on the others \[1/s\].
     pub damping: f64,
-    /// `K I (dist - margin)` [m/s^2].
+    /// `K I (dist - margin)` \[m/s^2\].
     pub spring: f64,
-    /// Regularisation `R` of the normal row (elliptic, condim 1) or of an edge (pyramidal) [1/kg].
+    /// Regularisation `R` of the normal row (elliptic, condim 1) or of an edge (pyramidal) \[1/kg\].
     pub regularisation: f64,
     /// The soft law of MuJoCo's main solve.
     pub law: Law,

@@ -86,7 +86,7 @@ impl Topology {
             })
             .collect();
         let leaf: Vec<Option<usize>> = (0..bodies)
-            .map(|b| rigid_base(b))
+            .map(rigid_base)
             .map(|b| (tree.body_dofnum[b] > 0).then(|| (tree.body_dofadr[b] + tree.body_dofnum[b] - 1) as usize))
             .collect();
 
@@ -156,6 +156,7 @@ mod tests {
     use super::*;
 
     /// world - arm(1) - palm(2) - fingers 3, 4 (two links: 4, 5), fixed tip 6 on 5; target 7 with a fixed part 8.
+    #[allow(clippy::type_complexity)]
     fn hand() -> ([i32; 9], [i32; 9], [i32; 9], Vec<i32>, Vec<i32>) {
         let parent = [0, 0, 1, 2, 2, 4, 5, 0, 7];
         let dofnum = [0, 2, 1, 2, 1, 1, 0, 6, 0];

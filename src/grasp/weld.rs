@@ -27,18 +27,11 @@ pub fn weld_xml(target: &str, hand: Option<&str>) -> String {
 }
 
 fn escape(name: &str) -> String {
-    name.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('"', "&quot;")
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 /// The last weld between the target and the hand, or else between the target and the world.
-pub(super) fn find(
-    sim: &Simulation,
-    topology: &Topology,
-    limits: Limits,
-    target: &str,
-) -> Result<EqualityId, Error> {
+pub(super) fn find(sim: &Simulation, topology: &Topology, limits: Limits, target: &str) -> Result<EqualityId, Error> {
     let model = sim.model();
     let (first, second) = (model.eq_obj1id(), model.eq_obj2id());
     let welds = |other: &dyn Fn(usize) -> bool| {
@@ -53,10 +46,7 @@ pub(super) fn find(
     };
     let weld = welds(&|body| topology.in_hand(body))
         .or_else(|| welds(&|body| body == 0))
-        .ok_or_else(|| Error::NoWeld {
-            limits: limits.name(),
-            target: target.to_string(),
-        })?;
+        .ok_or_else(|| Error::NoWeld { limits: limits.name(), target: target.to_string() })?;
     if sim.is_equality_active(weld)? {
         return Err(Error::WeldActive(target.to_string()));
     }
@@ -99,23 +89,14 @@ fn switch(sim: &mut Simulation, grasp: &Grasp, on: bool) -> Result<(), Error> {
 }
 
 /// The rows of `count` welds, checked to be the last of the equality rows.
-fn lend(
-    sim: &Simulation,
-    grasps: &[Grasp],
-    count: usize,
-) -> Result<std::ops::Range<usize>, Error> {
-    let missing = || Error::WeldRows {
-        time: sim.time(),
-        welds: count,
-    };
+fn lend(sim: &Simulation, grasps: &[Grasp], count: usize) -> Result<std::ops::Range<usize>, Error> {
+    let missing = || Error::WeldRows { time: sim.time(), welds: count };
     let end = sim.ne();
     let start = end.checked_sub(WELD_ROWS * count).ok_or_else(missing)?;
     for (i, grasp) in grasps.iter().enumerate().filter(|(_, g)| g.wants_weld()) {
         let rows = grasp.weld().and_then(|weld| sim.equality_rows(weld));
         let complete = rows.is_some_and(|r| r.len() == WELD_ROWS && r.start >= start);
-        let shared = grasps[..i]
-            .iter()
-            .any(|g| g.wants_weld() && g.weld() == grasp.weld());
+        let shared = grasps[..i].iter().any(|g| g.wants_weld() && g.weld() == grasp.weld());
         if !complete || shared {
             return Err(missing());
         }
@@ -135,9 +116,7 @@ pub(super) struct Settings {
 /// reference). The user's settings come back in the first step without such a grasp.
 pub(super) fn adapt_settings(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     let merged = grasps.iter().any(|g| g.is_merged());
-    let bounded = grasps
-        .iter()
-        .any(|g| g.is_merged() && g.limits() == Limits::Box);
+    let bounded = grasps.iter().any(|g| g.is_merged() && g.limits() == Limits::Box);
     let holder = grasps.iter().position(|g| g.settings().is_some());
     let (Some(holder), true) = (holder.or(merged.then_some(0)), merged) else {
         for grasp in grasps {
@@ -146,10 +125,9 @@ pub(super) fn adapt_settings(sim: &mut Simulation, grasps: &mut [Grasp]) -> Resu
         return Ok(());
     };
     let model = sim.model();
-    let user = *grasps[holder].settings_mut().get_or_insert(Settings {
-        noslip_iterations: model.noslip_iterations(),
-        jacobian: model.jacobian_storage(),
-    });
+    let user = *grasps[holder]
+        .settings_mut()
+        .get_or_insert(Settings { noslip_iterations: model.noslip_iterations(), jacobian: model.jacobian_storage() });
     user.put(sim, if bounded { 0 } else { user.noslip_iterations })?;
     if sim.model().is_sparse() {
         sim.set_jacobian_storage(JacobianStorage::Dense)?;

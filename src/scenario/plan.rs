@@ -79,13 +79,34 @@ impl Plan {
     /// # Errors
     /// Any [`Error`] that is bad input.
     pub fn load(scenario: &str) -> Result<Self, Error> {
+        Self::load_with(scenario, None)
+    }
+
+    /// As [`load`](Self::load), with every grasp bounded by `limits`, if any are given, whatever the file says. A grasp
+    /// that needs a weld gets one beside the user's MJCF, which stays as it is.
+    ///
+    /// # Errors
+    /// Any [`Error`] that is bad input.
+    pub fn load_with(scenario: &str, limits: Option<Limits>) -> Result<Self, Error> {
         let source = Source::find(scenario)?;
-        let file = ScenarioFile::parse(&source.text, &source.path)?;
-        // `limits` may still change to one that needs a weld. A name that does not exist makes the engine refuse the
-        // welds; without them the model loads, and the name is reported as what it is.
-        let hand = |entry: &GraspEntry| entry.palm.clone().or_else(|| entry.effectors.first().cloned());
-        let welds: String = file.grasp.iter().map(|g| weld_xml(&g.target, hand(g).as_deref())).collect();
-        let model = source.load_model(&file.model, &welds).or_else(|_| source.load_model(&file.model, ""))?;
+        let mut file = ScenarioFile::parse(&source.text, &source.path)?;
+        for grasp in &mut file.grasp {
+            grasp.limits = limits.or(grasp.limits);
+        }
+        let welds: String = file
+            .grasp
+            .iter()
+            .filter(|g| g.limits.unwrap_or_default() != Limits::Cones)
+            .map(|g| weld_xml(&g.target, g.palm.as_deref()))
+            .collect();
+        // a target or palm that does not exist is found with a better message on the model as it is
+        let model = source.load_model(&file.model, "")?;
+        let names = |g: &GraspEntry| model.body(&g.target).is_ok() && g.palm.iter().all(|p| model.body(p).is_ok());
+        let model = if welds.is_empty() || !file.grasp.iter().all(names) {
+            model
+        } else {
+            source.load_model(&file.model, &welds)?
+        };
         Self::new(&file, &source.path, model)
     }
 
@@ -165,14 +186,6 @@ impl Plan {
             *push = push.scaled(factor);
         }
         Ok(self)
-    }
-
-    /// The same plan with every grasp bounded in another way.
-    pub fn with_limits(mut self, limits: Limits) -> Self {
-        for grasp in &mut self.grasps {
-            grasp.limits = limits;
-        }
-        self
     }
 }
 

@@ -64,7 +64,7 @@ impl Source {
     }
 
     /// Loads the MJCF `model`, relative to the scenario file; built-in ones from memory. `extra` are elements to add to
-    /// it, as [`Model::from_xml_file_with`] takes them; none if empty.
+    /// it, "" for none.
     ///
     /// # Errors
     /// [`Error::Model`] with MuJoCo's own message.
@@ -76,19 +76,23 @@ impl Source {
         match self.builtin {
             Some(builtin) => {
                 let bare = model.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-                let xml = format!("<mujoco>\n<include file=\"{bare}\"/>\n{extra}\n</mujoco>\n");
-                let assets: Vec<(&str, &[u8])> =
-                    builtin.models.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
+                let xml = builtin.models.iter().find(|(name, _)| *name == bare).map_or("", |(_, text)| text);
+                let assets: Vec<(&str, &[u8])> = builtin
+                    .models
+                    .iter()
+                    .filter(|(name, _)| *name != bare)
+                    .map(|(n, text)| (*n, text.as_bytes()))
+                    .collect();
+                let xml = xml.replace("</mujoco>", &format!("{extra}</mujoco>"));
                 Model::from_xml_with_assets(&xml, &assets).map_err(failed(model.to_path_buf()))
             }
             None => {
                 let path = self.path.parent().unwrap_or(Path::new("")).join(model);
-                let loaded = if extra.is_empty() {
-                    Model::from_xml_file(&path)
+                if extra.is_empty() {
+                    Model::from_xml_file(&path).map_err(failed(path))
                 } else {
-                    Model::from_xml_file_with(&path, extra)
-                };
-                loaded.map_err(failed(path))
+                    Model::from_xml_file_with(&path, extra).map_err(failed(path))
+                }
             }
         }
     }

@@ -105,10 +105,8 @@ struct Report<'a> {
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let options = Options { noslip: args.noslip.map(usize::from) };
-    let mut plan = Plan::load(&args.scenario)?.scale_pushes(args.scale_push)?;
-    if let Some(limits) = args.limits {
-        plan = plan.with_limits(limits.limits());
-    }
+    let limits = args.limits.map(LimitsArg::limits);
+    let mut plan = Plan::load_with(&args.scenario, limits)?.scale_pushes(args.scale_push)?;
     if let Some(share) = args.at_onset {
         plan = scale_to_onset(plan, share, &args.push, options)?;
     }
