@@ -111,7 +111,7 @@ fn follows_the_engine_while_all_contacts_stick() {
             let rms = (squares / 1000.0f64).sqrt();
             assert!(peak > 3e-4, "{push:?} moves the target by {peak}");
             assert!(rms < 0.01 * peak + 4e-5, "{limits:?} {push:?}: {rms} of {peak}");
-            assert!((wrong / all as f64).sqrt() < 0.05, "{limits:?} {push:?}: forces off by {}", (wrong / all).sqrt());
+            assert!((wrong / all).sqrt() < 0.05, "{limits:?} {push:?}: forces off by {}", (wrong / all).sqrt());
         }
     }
 }

@@ -110,10 +110,10 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
 fn detect(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     let mut latched = grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped);
     let (first, second) = (latched.next(), latched.next());
-    if let (Some(only), None) = (first, second) {
-        if only.detect_alone(sim)? {
-            return Ok(());
-        }
+    if let (Some(only), None) = (first, second)
+        && only.detect_alone(sim)?
+    {
+        return Ok(());
     }
     sim.collision()?;
     for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {

@@ -1,78 +1,56 @@
 //! Steps in which collision detection would find nothing, known from how little has moved since distances were measured.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::collider::PairCollider;
 use super::error::{Error, check_length};
-use super::pairs::detects;
-use super::proximity::{Proximity, WORLD};
+use super::ledger::{Ledger, NotANumber};
+use super::pairs::{TestedPair, detects};
+use super::proximity::{Proximity, is_fixed};
 use super::simulation::Simulation;
-use nalgebra::{Matrix3, Vector3};
 
 /// Calls for which the answer stays "no" after something was found near.
 const BACK_OFF: u32 = 20;
 
 /// Certifies that no contact exists but those of a [`PairCollider`], so that [`Simulation::collision`] can be left out.
 ///
-/// At a check, lower bounds of the distances of all other geom pairs are computed. No contact can appear while the
-/// bodies have moved less than that: a point of a body within `r` of its centre of mass `x` has moved by no more than
-/// `|x - x0| + 2 |q - q0| r`, as a rotation by an angle `a` moves it by `2 sin(a/2) r`, and the quaternions differ by
-/// `2 sin(a/4)`. Body pairs that are far from each other share one clearance, and are checked again together; each of
-/// the others has its own, for the motion of one body seen from the other, and is checked again by itself.
+/// Every pair of bodies has a slack: a lower bound of the distance that is left between their geoms, from separating
+/// planes. It shrinks by no more than both bodies move. A pair is looked at again when its slack is used up: first for
+/// the motion of one body seen from the other, then for the distance. Pairs with much slack are not even counted one by
+/// one until the two fastest bodies could have used up the least of theirs. Motions inside the hand (all below the last
+/// common ancestor of the collider's bodies, and what it holds) are counted in the hand's own frame, so that a hand
+/// which is carried around costs little more than one that rests.
 ///
 /// "Yes" is certain (the engine's own tolerances are allowed for); "no" means that something may touch, or was near
 /// less than 20 calls ago.
 #[derive(Debug, Clone)]
 pub struct Clearance {
     proximity: Proximity,
-    /// Where the moving parts were at the last check of everything, and how far each has moved since.
-    placed: Vec<Placed>,
-    moved: Vec<f64>,
-    /// Clearance of all body pairs but the near ones at that check, m.
-    far: f64,
-    near: Vec<Near>,
-    /// The group that did not pass last time.
+    ledger: Ledger,
+    /// The group that did not pass in the last call that looked.
     blocked: Option<usize>,
     /// Calls to answer with "no".
     rest: u32,
     ngeom: usize,
 }
 
-/// A body: its centre of mass and its orientation.
-#[derive(Debug, Clone, Copy)]
-struct Placed {
-    position: Vector3<f64>,
-    quaternion: [f64; 4],
-}
-
-/// A body pair with a small clearance.
-#[derive(Debug, Clone)]
-struct Near {
-    group: usize,
-    /// At the last check of everything, m.
-    at_check: f64,
-    /// When `relative` was the pose of the second part in the frame of the first, m.
-    clearance: f64,
-    relative: Placed,
-}
-
 impl Clearance {
     /// For all geom pairs that collision detection tests, but those of `collider`, which must be of the same model.
     pub fn new(sim: &Simulation, collider: &PairCollider) -> Self {
         let proximity = Proximity::new(sim, &collider.pairs);
-        let parts = proximity.parts.len();
-        Self {
-            proximity,
-            placed: vec![Placed::default(); parts],
-            moved: vec![0.0; parts],
-            far: f64::NEG_INFINITY,
-            near: Vec::new(),
-            blocked: None,
-            rest: 0,
-            ngeom: sim.model().ngeom(),
-        }
+        let hand = hand(sim, &collider.pairs).filter(|&hand| !is_fixed(sim, hand));
+        let held = |body: usize| {
+            let known = || collider.pairs.iter().any(|pair| pair.bodies.contains(&body));
+            hand.is_some_and(|hand| is_below(sim, body, hand)) || known()
+        };
+        let hand = hand.map(|hand| (hand, (0..sim.model().nbody()).map(held).collect()));
+        Self { ledger: Ledger::new(&proximity, hand), proximity, blocked: None, rest: 0, ngeom: sim.model().ngeom() }
     }
 
     /// Whether [`Simulation::collision`] would find no contact but the collider's, at the present poses (see
     /// [`Simulation::kinematics`]). `sim` must be a simulation of the model that this was made for, in any state.
+    /// Allocates nothing.
     ///
     /// Fails if the model has another number of geoms.
     pub fn certifies(&mut self, sim: &Simulation) -> Result<bool, Error> {
@@ -84,129 +62,48 @@ impl Clearance {
             self.rest -= 1;
             return Ok(false);
         }
-        if let Some(group) = self.blocked {
-            if !(self.proximity.clearance(sim, group) > 0.0) {
-                return Ok(self.back_off(group));
-            }
-            self.blocked = None;
-            self.check(sim);
-        } else if !(self.far > self.measure(sim)) {
-            self.check(sim);
+        // What blocked is the likeliest to do so again.
+        let again = |group: &usize| !(self.proximity.look(sim, *group) > 0.0);
+        self.blocked = match self.blocked.filter(again) {
+            Some(group) => Some(group),
+            None => match self.ledger.first_blocked(sim, &mut self.proximity) {
+                Ok(blocked) => blocked,
+                Err(NotANumber) => return Ok(false),
+            },
+        };
+        if self.blocked.is_some() {
+            self.rest = BACK_OFF;
         }
-        for i in 0..self.near.len() {
-            if !self.passes(sim, i) {
-                return Ok(self.back_off(self.near[i].group));
-            }
-        }
-        Ok(true)
-    }
-
-    fn back_off(&mut self, group: usize) -> bool {
-        self.blocked = Some(group);
-        self.rest = BACK_OFF;
-        false
-    }
-
-    /// How far any two parts have come closer since the check at most; not a number if a pose is not.
-    fn measure(&mut self, sim: &Simulation) -> f64 {
-        let (mut first, mut second, mut sum) = (0.0, 0.0, 0.0);
-        let parts = &self.proximity.parts;
-        for i in WORLD + 1..parts.len() {
-            let moved = Placed::of(sim, parts[i].body).moved(&self.placed[i], parts[i].radius);
-            self.moved[i] = moved;
-            sum += moved;
-            if moved > first {
-                (first, second) = (moved, first);
-            } else if moved > second {
-                second = moved;
-            }
-        }
-        if f64::is_finite(sum) { first + second } else { f64::NAN }
-    }
-
-    /// Measures all distances anew.
-    fn check(&mut self, sim: &Simulation) {
-        for (placed, part) in self.placed.iter_mut().zip(&self.proximity.parts) {
-            *placed = Placed::of(sim, part.body);
-        }
-        self.moved.fill(0.0);
-        self.near.clear();
-        self.far = f64::INFINITY;
-        for group in 0..self.proximity.groups.len() {
-            let clearance = self.proximity.rough_clearance(sim, group);
-            if clearance >= self.proximity.reach {
-                self.far = self.far.min(clearance);
-            } else {
-                self.near.push(Near { group, at_check: clearance, clearance, relative: self.relative(sim, group) });
-            }
-        }
-    }
-
-    /// Whether a near pair is apart for certain; measures its distance anew if need be.
-    fn passes(&mut self, sim: &Simulation, i: usize) -> bool {
-        let near = &self.near[i];
-        let group = near.group;
-        let [a, b] = self.proximity.groups[group].parts;
-        if near.at_check > self.moved[a] + self.moved[b] {
-            return true;
-        }
-        let relative = self.relative(sim, group);
-        if near.clearance > relative.moved(&near.relative, self.proximity.parts[b].radius) {
-            return true;
-        }
-        let clearance = self.proximity.clearance(sim, group);
-        let near = &mut self.near[i];
-        (near.clearance, near.relative) = (clearance, relative);
-        clearance > 0.0
-    }
-
-    /// Pose of a group's second part in the frame of its first.
-    fn relative(&self, sim: &Simulation, group: usize) -> Placed {
-        let parts = self.proximity.groups[group].parts;
-        let [a, b] = parts.map(|part| self.proximity.parts[part].body);
-        let (from, to) = (Placed::of(sim, a), Placed::of(sim, b));
-        let rotation = Matrix3::from_row_slice(&sim.xmat()[9 * a..9 * a + 9]);
-        Placed {
-            position: rotation.tr_mul(&(to.position - from.position)),
-            quaternion: conjugate_product(&from.quaternion, &to.quaternion),
-        }
+        Ok(self.blocked.is_none())
     }
 }
 
-impl Default for Placed {
-    fn default() -> Self {
-        Self { position: Vector3::zeros(), quaternion: [1.0, 0.0, 0.0, 0.0] }
-    }
-}
-
-impl Placed {
-    #[inline]
-    fn of(sim: &Simulation, body: usize) -> Self {
-        let quaternion = &sim.xquat()[4 * body..4 * body + 4];
-        Self {
-            position: Vector3::from_column_slice(&sim.xipos()[3 * body..3 * body + 3]),
-            quaternion: std::array::from_fn(|i| quaternion[i]),
+/// The body that carries the hand: the last common ancestor of the bodies of one kinematic tree, the one with the most
+/// bodies that the collider looks at.
+fn hand(sim: &Simulation, pairs: &[TestedPair]) -> Option<usize> {
+    let model = sim.model();
+    let mut bodies: Vec<usize> = pairs.iter().flat_map(|pair| pair.bodies).collect();
+    bodies.sort_unstable();
+    bodies.dedup();
+    let root = |body: usize| model.body_rootid()[body];
+    let count = |of: i32| bodies.iter().filter(|&&body| root(body) == of).count();
+    let largest = bodies.iter().map(|&body| root(body)).max_by_key(|&of| count(of))?;
+    let members = bodies.iter().copied().filter(|&body| root(body) == largest);
+    members.reduce(|mut a, mut b| {
+        // Parents come before their children.
+        while a != b {
+            let deeper = if a > b { &mut a } else { &mut b };
+            *deeper = model.body_parentid()[*deeper] as usize;
         }
-    }
-
-    /// No point within `radius` has moved farther than this from where it was.
-    #[inline]
-    fn moved(&self, before: &Self, radius: f64) -> f64 {
-        let turned: f64 = (0..4).map(|i| (self.quaternion[i] - before.quaternion[i]).powi(2)).sum();
-        (self.position - before.position).norm() + 2.0 * turned.sqrt() * radius
-    }
+        a
+    })
 }
 
-/// The rotation `b` seen from `a`.
-fn conjugate_product(a: &[f64; 4], b: &[f64; 4]) -> [f64; 4] {
-    let [w, x, y, z] = *a;
-    let [bw, bx, by, bz] = *b;
-    [
-        w * bw + x * bx + y * by + z * bz,
-        w * bx - x * bw - y * bz + z * by,
-        w * by - y * bw - z * bx + x * bz,
-        w * bz - z * bw - x * by + y * bx,
-    ]
+fn is_below(sim: &Simulation, mut body: usize, ancestor: usize) -> bool {
+    while body > ancestor {
+        body = sim.model().body_parentid()[body] as usize;
+    }
+    body == ancestor
 }
 
 impl Simulation {

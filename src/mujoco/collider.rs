@@ -1,5 +1,8 @@
 //! Collision detection for chosen geoms only, with the engine's own narrow phase.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::contact::Contact;
 use super::error::{Error, check_index, check_length};
 use super::ffi;

@@ -1,8 +1,12 @@
 //! Lower bounds of the distances between bodies that may collide.
 
+// A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::ffi;
 use super::mixing::ContactParameters;
 use super::pairs::{TestedPair, tested_pairs};
+use super::placement::Placement;
 use super::separation::clearance;
 use super::shape::{Pose, Shape};
 use super::simulation::Simulation;
@@ -27,6 +31,8 @@ pub(super) struct Proximity {
     pairs: Vec<Pair>,
     /// By geom; none for those of no pair.
     shapes: Vec<Option<Shape>>,
+    /// By group.
+    measured: Vec<Measured>,
     /// Distances beyond this are not looked at closely, m.
     pub reach: f64,
 }
@@ -46,6 +52,13 @@ pub(super) struct Group {
     pairs: Range<usize>,
     /// The largest of its pairs', m.
     margin: f64,
+}
+
+/// A clearance, m, and the pose of the second part in the frame of the first when it was measured.
+#[derive(Debug, Clone, Copy)]
+struct Measured {
+    clearance: f64,
+    relative: Placement,
 }
 
 #[derive(Debug, Clone)]
@@ -76,29 +89,47 @@ impl Proximity {
         }
         let mut radii: Vec<f64> = parts.iter().map(|part| part.radius).collect();
         radii.sort_by(f64::total_cmp);
-        let mut proximity =
-            Self { reach: radii[radii.len() / 2].min(UNBOUNDED), parts, groups: Vec::new(), pairs: Vec::new(), shapes };
+        let mut proximity = Self {
+            reach: radii[radii.len() / 2].min(UNBOUNDED),
+            parts,
+            groups: Vec::new(),
+            pairs: Vec::new(),
+            shapes,
+            measured: Vec::new(),
+        };
         for (parts, pairs) in by_parts {
             let first = proximity.pairs.len();
             let margin = pairs.iter().map(|pair| pair.margin).fold(0.0, f64::max);
             proximity.pairs.extend(pairs);
             proximity.groups.push(Group { parts, pairs: first..proximity.pairs.len(), margin });
+            proximity.measured.push(Measured { clearance: f64::NEG_INFINITY, relative: Placement::default() });
         }
         proximity
     }
 
-    /// A lower bound of [`clearance`](Self::clearance), from the bodies' bounding spheres if they are far enough.
-    pub fn rough_clearance(&self, sim: &Simulation, group: usize) -> f64 {
+    /// How much closer the two parts of a group can come before one of its pairs has a contact, m: a lower bound, which
+    /// is good to a tenth if it is less than `reach`, and not positive if a pair may have a contact now.
+    pub fn look(&mut self, sim: &Simulation, group: usize) -> f64 {
         let Group { parts, margin, .. } = &self.groups[group];
         let [a, b] = parts.map(|part| &self.parts[part]);
         let centre = |part: &Part| vector(sim.xipos(), part.body);
         let spheres = (centre(a) - centre(b)).norm() - a.radius - b.radius - margin;
-        if spheres >= self.reach { spheres } else { self.clearance(sim, group) }
+        if spheres >= self.reach {
+            return spheres;
+        }
+        let relative = Placement::relative(sim, a.body, b.body);
+        let before = &self.measured[group];
+        let left = before.clearance - relative.moved(&before.relative, b.radius);
+        if left > 0.5 * before.clearance && before.clearance > 0.0 {
+            return left;
+        }
+        let clearance = self.clearance(sim, group);
+        self.measured[group] = Measured { clearance, relative };
+        clearance
     }
 
-    /// How much closer the geoms of a group can come before one pair has a contact, m: a lower bound, which is exact
-    /// only as far as needed, and not positive if a pair may have a contact now.
-    pub fn clearance(&self, sim: &Simulation, group: usize) -> f64 {
+    /// The least of all pairs'.
+    fn clearance(&self, sim: &Simulation, group: usize) -> f64 {
         let mut least = f64::INFINITY;
         for pair in &self.pairs[self.groups[group].pairs.clone()] {
             let clearance = self.pair_clearance(sim, pair);
@@ -125,7 +156,7 @@ impl Proximity {
             rotation: Matrix3::from_row_slice(&sim.geom_xmat()[9 * geom..9 * geom + 9]),
         };
         let [pose_a, pose_b] = [pose(x, pair.geoms[0]), pose(y, pair.geoms[1])];
-        clearance((a, &pose_a), (b, &pose_b), pair.margin, self.reach)
+        clearance((a, &pose_a), (b, &pose_b), pair.margin)
     }
 }
 
@@ -170,7 +201,7 @@ fn parts(sim: &Simulation, shapes: &[Option<Shape>]) -> (Vec<Part>, Vec<usize>) 
 }
 
 /// Whether a body never moves: welded to the world, and not through a mocap body.
-fn is_fixed(sim: &Simulation, body: usize) -> bool {
+pub(super) fn is_fixed(sim: &Simulation, body: usize) -> bool {
     let model = sim.model();
     let root = model.body_rootid()[body] as usize;
     model.body_weldid()[body] == 0 && model.body_mocapid()[root] < 0

@@ -9,15 +9,15 @@ const ITERATIONS: usize = 32;
 const ACCURACY: f64 = 0.9;
 
 /// How far beyond `margin` two shapes are apart, m: a lower bound, good to a tenth, and not positive if they may be
-/// closer than the margin. The search ends early at a bound of `enough`.
+/// closer than the margin.
 ///
 /// Any direction `v` separates the shapes by `min v.(a - b) / |v|` over their points, which the supports give exactly:
 /// the bound holds wherever the search for a good `v` goes. Of two half-spaces nothing is known: minus infinity.
-pub(super) fn clearance(a: (&Shape, &Pose), b: (&Shape, &Pose), margin: f64, enough: f64) -> f64 {
+pub(super) fn clearance(a: (&Shape, &Pose), b: (&Shape, &Pose), margin: f64) -> f64 {
     let thickness = a.0.rounding + b.0.rounding + margin;
     let normals = [a.0.half_space_normal(a.1), b.0.half_space_normal(b.1)];
     match normals {
-        [None, None] => convex(a, b, thickness, enough),
+        [None, None] => convex(a, b, thickness),
         [Some(normal), None] => height(&normal, a.1, b) - thickness,
         [None, Some(normal)] => height(&normal, b.1, a) - thickness,
         [Some(_), Some(_)] => f64::NEG_INFINITY,
@@ -30,7 +30,7 @@ fn height(normal: &Vector3<f64>, plane: &Pose, (shape, pose): (&Shape, &Pose)) -
 }
 
 /// Distance of two cores beyond `thickness`.
-fn convex(a: (&Shape, &Pose), b: (&Shape, &Pose), thickness: f64, enough: f64) -> f64 {
+fn convex(a: (&Shape, &Pose), b: (&Shape, &Pose), thickness: f64) -> f64 {
     let mut v = a.1.position - b.1.position;
     let mut simplex = Simplex::default();
     let mut bound = f64::NEG_INFINITY;
@@ -43,8 +43,7 @@ fn convex(a: (&Shape, &Pose), b: (&Shape, &Pose), thickness: f64, enough: f64) -
         bound = bound.max(v.dot(&nearest) / length - thickness);
         // From the first point on, `v` is a point of the difference, so it is not shorter than the distance.
         let most = length - thickness;
-        let known = simplex.count > 0 && (bound >= ACCURACY * most || most <= 0.0);
-        if bound >= enough || known {
+        if simplex.count > 0 && (bound >= ACCURACY * most || most <= 0.0) {
             break;
         }
         v = simplex.add(nearest);

@@ -21,9 +21,17 @@ macro_rules! model {
 }
 
 /// All built-in scenarios, in the order of `mujoco-grasp list`.
-pub const ALL: &[Builtin] = &[Builtin {
-    name: "clutch",
-    path: "scenarios/clutch.toml",
-    toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/clutch.toml")),
-    models: &[model!("clutch.xml"), model!("humanoid.xml"), model!("studio.xml")],
-}];
+pub const ALL: &[Builtin] = &[
+    Builtin {
+        name: "clutch",
+        path: "scenarios/clutch.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/clutch.toml")),
+        models: &[model!("clutch.xml"), model!("humanoid.xml"), model!("studio.xml")],
+    },
+    Builtin {
+        name: "pinch",
+        path: "scenarios/pinch.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/pinch.toml")),
+        models: &[model!("pinch.xml"), model!("humanoid.xml"), model!("studio.xml")],
+    },
+];

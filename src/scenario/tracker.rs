@@ -4,6 +4,9 @@
 //!    together. The targets also carry the fingers' own weight, so that soft fingers come to the goals and not below.
 //! 2. The goals move inwards, at [`PRESS_RATE`], for as long as the quality is below the latch quality, up to
 //!    [`PRESS_LIMIT`]: the position actuators, which cannot follow, press.
+//!    Two tips have no third one to hold them up: they press by *force* instead, `J^T f` along the line that joins the
+//!    goals (a goal that moves inwards would push sideways too, as the fingers' joint springs are not equally stiff in
+//!    all directions), and share the force that the pin bears.
 //! 3. While the target is pinned, all goals together also move against the force that the pin has to bear, until the
 //!    fingers bear it: a soft hand then neither drops nor throws the target when the pin goes.
 //! 4. Once the target is free the goals stay where they are in the palm's frame (and still move inwards): goals that
@@ -22,6 +25,12 @@ use crate::mujoco::{BodyId, Simulation, SiteId};
 pub const APPROACH_SPEED: f64 = 0.1;
 /// Speed at which the goals move into the target \[m/s\].
 pub const PRESS_RATE: f64 = 0.010;
+/// Rate at which two tips press harder \[N/s\], and their largest force \[N\].
+pub const FORCE_RATE: f64 = 0.5;
+/// See [`FORCE_RATE`].
+pub const FORCE_LIMIT: f64 = 20.0;
+/// Time in which two tips take over what the pin bears \[s\].
+const TAKE_OVER: f64 = 0.2;
 /// Farthest that they move \[m\].
 pub const PRESS_LIMIT: f64 = 0.050;
 
@@ -50,6 +59,7 @@ pub struct Tracker {
     pub grasp: usize,
     palm: BodyId,
     target: BodyId,
+    tips: Vec<SiteId>,
     goals: Vec<SiteId>,
     start: f64,
     ik: InverseKinematics,
@@ -63,6 +73,10 @@ pub struct Tracker {
     inward: Vec<Vector3<f64>>,
     farthest: f64,
     pressed: f64,
+    /// Of a pair of tips: force of each along the line between the goals, and on the target as a whole \[N\].
+    squeeze: f64,
+    support: Vector3<f64>,
+    jacobian: Vec<f64>,
     /// Of all goals together, against the pin's load, world axes \[m\].
     shift: Vector3<f64>,
     /// Where the target was in the palm's frame when it became free.
@@ -121,6 +135,7 @@ impl Tracker {
             grasp: index,
             palm,
             target,
+            tips,
             goals: own.iter().map(|g| g.goal).collect(),
             start: own.iter().map(|g| g.start).fold(f64::INFINITY, f64::min),
             ik,
@@ -131,6 +146,9 @@ impl Tracker {
             inward: vec![Vector3::zeros(); n],
             farthest: 0.0,
             pressed: 0.0,
+            squeeze: 0.0,
+            support: Vector3::zeros(),
+            jacobian: vec![0.0; 6 * model.nv()],
             shift: Vector3::zeros(),
             freed_at: None,
             points: vec![Vector3::zeros(); n],
@@ -165,7 +183,11 @@ impl Tracker {
         let share = if gone < self.farthest { gone / self.farthest } else { 1.0 };
         let (palm, mut target) = (pose(sim, self.palm), pose(sim, self.target));
         if share == 1.0 {
-            self.press(step, feel);
+            if self.tips.len() == 2 {
+                self.squeeze_pair(sim, &target, step, feel)?;
+            } else {
+                self.press(step, feel);
+            }
             if !feel.pinned {
                 target = palm * *self.freed_at.get_or_insert(palm.inv_mul(&target));
             }
@@ -215,6 +237,31 @@ impl Tracker {
             let load = feel.load / (LOAD + LOAD_SHARE * feel.squeeze);
             self.shift = (self.shift - load.cap_magnitude(1.0) * reach).cap_magnitude(PRESS_LIMIT);
         }
+    }
+
+    /// Two tips: torques `J^T f` of forces towards each other and against the pin's load, on top of the fingers' weight.
+    fn squeeze_pair(
+        &mut self,
+        sim: &Simulation,
+        target: &Isometry3<f64>,
+        step: f64,
+        feel: Feel,
+    ) -> Result<(), crate::mujoco::Error> {
+        if feel.weak {
+            self.squeeze = (self.squeeze + FORCE_RATE * step).min(FORCE_LIMIT);
+        }
+        if feel.pinned && feel.squeeze > 0.0 {
+            self.support = (self.support - feel.load * (step / TAKE_OVER)).cap_magnitude(FORCE_LIMIT);
+        }
+        let nv = sim.model().nv();
+        for (i, &tip) in self.tips.iter().enumerate() {
+            sim.jac_site(tip, &mut self.jacobian)?;
+            let force = target.rotation * self.inward[i] * self.squeeze + 0.5 * self.support;
+            for (weight, (_, dof)) in self.weight.iter_mut().zip(&self.actuators) {
+                *weight += (0..3).map(|k| self.jacobian[k * nv + dof] * force[k]).sum::<f64>();
+            }
+        }
+        Ok(())
     }
 
     /// The tips start where the actuators' present targets put them, so that nothing jumps.
