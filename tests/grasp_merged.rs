@@ -4,8 +4,8 @@
 mod claw;
 
 use claw::Claw;
-use mujoco_grasp::grasp::{Error, Grasp, GraspSpec, Limits, Phase, weld_xml};
-use mujoco_grasp::mujoco::{JacobianStorage, Model, Simulation};
+use mujoco_grasp::grasp::{Error, Grasp, GraspContact, GraspSpec, Limits, Phase, weld_xml};
+use mujoco_grasp::mujoco::{Cone, JacobianStorage, Model, Simulation};
 use nalgebra::{UnitQuaternion, Vector3};
 
 const GRAVITY: f64 = 9.81;
@@ -32,21 +32,26 @@ fn worst_jump(claw: &mut Claw, steps: usize) -> f64 {
 #[test]
 fn both_swaps_of_a_still_grasp_are_bumpless() {
     for limits in MERGED {
-        for file in ["claw.xml", "claw4.xml"] {
+        for (file, cone) in [("claw.xml", Cone::Elliptic), ("claw4.xml", Cone::Elliptic), ("claw.xml", Cone::Pyramidal)]
+        {
             let mut claw = Claw::closed_as(file, |sim, spec| {
                 spec.limits = limits;
                 sim.set_noslip_iterations(100).expect("a number of iterations");
+                sim.set_cone(cone).expect("a cone");
             });
             claw.run_in_full_mode(1.0);
             claw.grasps[0].allow_latch(true);
             let latch = worst_jump(&mut claw, 100);
             assert_eq!(claw.grasp().phase(), Phase::Grasped);
-            assert!(latch < 0.01 * GRAVITY, "{limits:?} {file}: latch changes the acceleration by {latch}");
+            assert!(latch < 0.01 * GRAVITY, "{limits:?} {file} {cone:?}: latch changes the acceleration by {latch}");
             claw.grasps[0].release();
             claw.grasps[0].allow_latch(false);
             let release = worst_jump(&mut claw, 100);
             assert_eq!(claw.grasp().phase(), Phase::Ungrasped);
-            assert!(release < 0.01 * GRAVITY, "{limits:?} {file}: release changes the acceleration by {release}");
+            assert!(
+                release < 0.01 * GRAVITY,
+                "{limits:?} {file} {cone:?}: release changes the acceleration by {release}"
+            );
         }
     }
 }
@@ -95,7 +100,9 @@ fn follows_the_engine_while_all_contacts_stick() {
                 }
                 squares += (fast.offset() - full.offset()).norm_squared();
                 peak = peak.max((full.offset() - start).norm());
-                for (a, b) in fast.grasp().contacts().iter().zip(full.grasp().contacts()) {
+                for b in full.grasp().contacts() {
+                    let same = |a: &&GraspContact| a.geoms == b.geoms;
+                    let a = fast.grasp().contacts().iter().find(same).expect("the same contacts");
                     wrong += (a.force - b.force).norm_squared();
                     all += b.force.norm_squared();
                 }

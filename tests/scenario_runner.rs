@@ -1,6 +1,6 @@
 //! The runner, step by step: pin, schedule, fingertip goals, pushes, several grasps.
 
-use mujoco_grasp::grasp::Phase;
+use mujoco_grasp::grasp::{Limits, Phase, weld_xml};
 use mujoco_grasp::mujoco::Model;
 use mujoco_grasp::scenario::actuator::PositionActuator;
 use mujoco_grasp::scenario::file::ScenarioFile;
@@ -188,7 +188,7 @@ fn position_actuators_are_found_with_their_gain_gear_and_bias() {
 }
 
 /// Two claws side by side, each with its own ball.
-fn two_claws() -> Plan {
+fn two_claws(limits: [&str; 2]) -> Plan {
     let claw = std::fs::read_to_string("tests/data/claw.xml").unwrap();
     let between = |from: &str, to: &str| {
         let a = claw.find(from).unwrap();
@@ -211,12 +211,14 @@ fn two_claws() -> Plan {
         )
     };
     let xml = format!(
-        "<mujoco>{}<worldbody>{}{}</worldbody><actuator>{}{}</actuator></mujoco>",
+        "<mujoco>{}<worldbody>{}{}</worldbody><actuator>{}{}</actuator>{}{}</mujoco>",
         between("<compiler", "<worldbody>"),
         moved(0),
         moved(1),
         renamed(&actuators, 0),
-        renamed(&actuators, 1)
+        renamed(&actuators, 1),
+        weld_xml("h0_object", Some("h0_palm")),
+        weld_xml("h1_object", None)
     );
     let mut set = String::new();
     for k in 0..2 {
@@ -226,9 +228,11 @@ fn two_claws() -> Plan {
     }
     let toml = format!(
         "name = \"two\"\nmodel = \"two.xml\"\n[timeline]\nduration = 4.0\npin_until = 2.0\nmeasure_from = 2.5\n\
-         [[grasp]]\ntarget = \"h0_object\"\npalm = \"h0_palm\"\n[[grasp]]\ntarget = \"h1_object\"\npalm = \"h1_palm\"\n\
+         [[grasp]]\ntarget = \"h0_object\"\npalm = \"h0_palm\"\nlimits = \"{}\"\n[[grasp]]\ntarget = \"h1_object\"\npalm = \"h1_palm\"\nlimits = \"{}\"\n\
          [[control]]\ntime = 0.2\nset = {{ {} }}\n[[control]]\ntime = 1.6\nset = {{ {} }}\n\
          [[push]]\nname = \"second\"\ntarget = \"h1_object\"\nstart = 2.6\nduration = 0.5\nforce = [2.0, 0.0, 0.0]\n",
+        limits[0],
+        limits[1],
         set.replace("0.45", "-0.3").replace("0.75", "0.0").trim_end_matches(", "),
         set.trim_end_matches(", ")
     );
@@ -238,7 +242,13 @@ fn two_claws() -> Plan {
 
 #[test]
 fn two_hands_latch_both_and_the_run_is_about_the_one_that_is_pushed() {
-    let plan = two_claws();
+    for limits in [["cones"; 2], ["box"; 2], ["rigid", "box"], ["box", "cones"]] {
+        two_hands(limits);
+    }
+}
+
+fn two_hands(limits: [&str; 2]) {
+    let plan = two_claws(limits);
     let mut runner = Runner::new(&plan, Mode::Grasp, Some(&plan.pushes[0])).unwrap();
     let mut trajectory = runner.trajectory();
     assert!(trajectory.links().iter().all(|l| l.starts_with("h1_f")));
@@ -250,8 +260,20 @@ fn two_hands_latch_both_and_the_run_is_about_the_one_that_is_pushed() {
     let from = trajectory.index_at(2.5).unwrap();
     let start = trajectory.samples()[from];
     let peak = trajectory.samples()[from..].iter().map(|s| (s.position - start.position).norm()).fold(0.0, f64::max);
-    assert!((0.005..0.03).contains(&peak), "{peak}");
+    assert!((0.005..0.03).contains(&peak), "{limits:?}: {peak}");
     // The other hand's ball does not feel it.
     let other = plan.model.body("h0_object").unwrap();
     assert!((runner.sim().body_position(other).x).abs() < 1e-3);
+}
+
+/// A scenario is loaded with what every form of the constraint needs, from a file and built in.
+#[test]
+fn a_scenario_runs_with_any_limits() {
+    for scenario in ["tests/data/claw.toml", "clutch"] {
+        for limits in [Limits::Box, Limits::Rigid] {
+            let plan = Plan::load_with(scenario, Some(limits)).unwrap();
+            let runner = Runner::new(&plan, Mode::Grasp, None).unwrap();
+            assert_eq!(runner.grasps()[0].limits(), limits, "{scenario}");
+        }
+    }
 }

@@ -15,9 +15,10 @@ use super::error::Error;
 use super::impedance::{Fingers, ROWS, for_each_dof, link_motion, motion, relative_rows, row_wrench};
 use super::impedance::{power, reference_point};
 use super::merged::Merged;
-use super::softness::{ConeKind, SolverOptions, softness};
+use super::merged_law::{Law, Memory, normal_resistance};
+use super::softness::{SolverOptions, softness};
 use super::topology::Topology;
-use super::weld::WELD_ROWS;
+use super::weld::{WELD_ROWS, regularise};
 use crate::mujoco::{BodyId, CompiledModel, Simulation};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
@@ -66,29 +67,6 @@ struct Scratch {
     resistances: Vec<f64>,
     bias: Vec<f64>,
     jacobian: Vec<f64>,
-}
-
-/// `J a + R f = aref` of one contact: MuJoCo's spring and damper.
-#[derive(Clone, Copy, Debug)]
-struct Law {
-    damping: f64,
-    spring: f64,
-    resistance: f64,
-    /// Part of the normal's acceleration that its law left unexplained when the grasp latched: the engine's noslip pass
-    /// changes friction after the normals are solved.
-    offset: f64,
-    /// Friction and torques of the last step.
-    friction: [f64; ROWS],
-}
-
-/// A contact of the last step.
-#[derive(Clone, Copy, Debug)]
-struct Memory {
-    geoms: (usize, usize),
-    position: Vector3<f64>,
-    friction: Vector3<f64>,
-    torque: Vector3<f64>,
-    offset: f64,
 }
 
 impl MergedSolver {
@@ -366,61 +344,6 @@ impl MergedSolver {
     }
 }
 
-impl Law {
-    fn of(contact: &GraspContact, options: &SolverOptions, memory: &[Memory]) -> Law {
-        let soft = softness(&contact.parameters, options);
-        let distance = |m: &&Memory| (m.position - contact.position).norm_squared();
-        let before =
-            memory.iter().filter(|m| m.geoms == contact.geoms).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let mut friction = [0.0; ROWS];
-        if let Some(before) = before {
-            for (row, friction) in friction.iter_mut().enumerate().take(contact.parameters.condim).skip(1) {
-                let of = if row < 3 { &before.friction } else { &before.torque };
-                *friction = contact.axes[row % 3].dot(of);
-            }
-        }
-        Law {
-            damping: soft.damping,
-            spring: soft.spring,
-            resistance: normal_resistance(contact, options, soft.regularisation),
-            offset: before.map_or(0.0, |m| m.offset),
-            friction,
-        }
-    }
-}
-
-impl Memory {
-    fn of(contact: &GraspContact, offset: f64) -> Memory {
-        Memory {
-            geoms: contact.geoms,
-            position: contact.position,
-            friction: contact.force - contact.axes[0] * contact.force_rows[0],
-            torque: contact.torque,
-            offset,
-        }
-    }
-}
-
-/// `R` of a contact's normal. A pyramid's `2 (condim - 1)` edges push side by side.
-fn normal_resistance(contact: &GraspContact, options: &SolverOptions, regularisation: f64) -> f64 {
-    let condim = contact.parameters.condim;
-    if condim > 1 && options.cone == ConeKind::Pyramidal {
-        regularisation / (2 * (condim - 1)) as f64
-    } else {
-        regularisation
-    }
-}
-
-/// Splits the merged softness `N` into a diagonal `D >= N`, which the rows' regularisation can be, and the excess
-/// `D - N`, which multiplies the last step's wrench in the reference: `J a + D l = aref + (D - N) l_last` has the solution
-/// of `J a + N l = aref` as its fixed point and comes nearer to it in every step, since `0 <= D - N < D + J M^-1 J^T`.
-fn regularise(softness: &Matrix6<f64>) -> ([f64; WELD_ROWS], Matrix6<f64>) {
-    let diagonal: [f64; WELD_ROWS] = std::array::from_fn(|i| {
-        (0..WELD_ROWS).map(|j| softness[(i, j)].abs() * (softness[(i, i)] / softness[(j, j)]).sqrt()).sum()
-    });
-    (diagonal, Matrix6::from_diagonal(&Vector6::from(diagonal)) - softness)
-}
-
 fn mean_distance(contacts: &[GraspContact]) -> f64 {
     let mean = 1.0 / contacts.len().max(1) as f64;
     let centroid: Vector3<f64> = contacts.iter().map(|c| c.position * mean).sum();
@@ -438,45 +361,4 @@ fn turn_matrix(rotation: &Matrix3<f64>, x: &Matrix6<f64>) -> Matrix6<f64> {
     six.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
     six.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
     six * x * six.transpose()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn softness_matrix(seed: f64) -> Matrix6<f64> {
-        let b = Matrix6::from_fn(|i, j| (seed + 2.3 * i as f64 + 1.1 * (i * j) as f64).sin());
-        let scale = Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 1.0, 300.0, 500.0, 200.0));
-        scale * (b * b.transpose() + Matrix6::identity() * 1e-3) * scale
-    }
-
-    #[test]
-    fn regularisation_bounds_the_softness_and_its_lag_settles_on_the_solution() {
-        for seed in [0.1, 1.3, 2.9, 4.2] {
-            let n = softness_matrix(seed);
-            let (d, excess) = regularise(&n);
-            let diagonal = Matrix6::from_diagonal(&Vector6::from(d));
-            let scaled = |m: &Matrix6<f64>| {
-                let s = Matrix6::from_diagonal(&Vector6::from_fn(|i, _| d[i].sqrt().recip()));
-                s * m * s
-            };
-            let least = scaled(&excess).symmetric_eigenvalues().min();
-            assert!(least > -1e-12, "D - N must not be negative: {least}");
-            assert!((diagonal - excess - n).amax() < 1e-12 * n.amax());
-            // a light target: little inverse inertia beside the softness, the slowest case
-            let a = scaled(&n).map(|x| 0.01 * x) + Matrix6::identity() * 0.01;
-            let (n, excess) = (scaled(&n), scaled(&excess));
-            let b = Vector6::new(1.0, -2.0, 0.5, 0.3, 0.8, -1.0);
-            let solution = (a + n).lu().solve(&b).unwrap();
-            let mut x = Vector6::zeros();
-            let mut error = solution.norm();
-            for _ in 0..3000 {
-                x = (a + Matrix6::identity()).lu().solve(&(b + excess * x)).unwrap();
-                let now = (x - solution).norm();
-                assert!(now <= error * (1.0 + 1e-9) + 1e-12);
-                error = now;
-            }
-            assert!(error < 1e-6 * solution.norm(), "{error}");
-        }
-    }
 }

@@ -14,6 +14,7 @@ pub mod gram;
 pub mod hull;
 mod impedance;
 pub mod merged;
+mod merged_law;
 mod merged_solve;
 pub mod mobility;
 pub mod phase;
