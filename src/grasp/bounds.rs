@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 /// One bound for the linear axes and one for the angular ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bounds {
-    /// `mu F_perp` [N], Eq. 4.1.
+    /// `mu F_perp` \[N\], Eq. 4.1.
     pub force: f64,
-    /// `mu |r| F_perp` [N m], Eq. 4.2.
+    /// `mu |r| F_perp` \[N m\], Eq. 4.2.
     pub torque: f64,
 }
 

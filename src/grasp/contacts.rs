@@ -62,7 +62,7 @@ pub(super) struct Memory {
 }
 
 impl GraspContact {
-    /// Normal force [N], never negative. In a merged grasp (limits "box" and "rigid") a contact can pull, since its
+    /// Normal force \[N\], never negative. In a merged grasp (limits "box" and "rigid") a contact can pull, since its
     /// row is bilateral: that counts as no force here.
     pub fn normal_force(&self) -> f64 {
         self.force_rows[0].max(0.0)

@@ -75,7 +75,7 @@ pub enum Error {
         "the engine did not make six constraint rows, after those of all other equality constraints, for each weld of the {welds} latched grasps at t = {time:.4} s; each grasp with limits \"box\" or \"rigid\" needs a weld of its own, the last equality constraints of the model, and the flag \"equality\" enabled"
     )]
     WeldRows {
-        /// Simulated time [s].
+        /// Simulated time \[s\].
         time: f64,
         /// Welds switched on.
         welds: usize,

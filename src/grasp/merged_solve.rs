@@ -28,7 +28,7 @@ const RESISTANCE: f64 = 1e-3;
 /// Resistance of the rows that a contact does not have (beyond its condim), relative to the bodies' mobility: enough to
 /// say how the merged part turns where the contacts leave it free, too little to be felt where they do not.
 const ABSENT: f64 = 1e8;
-/// Least lever by which a mobility against forces becomes one against torques [m].
+/// Least lever by which a mobility against forces becomes one against torques \[m\].
 const LEAST_LEVER: f64 = 1e-3;
 
 /// What stands in the weld's rows and why.

@@ -15,10 +15,10 @@ use crate::progress::Progress;
 const FRAME: (u32, u32) = (400, 320);
 /// Frames of a strip, one for each column.
 const COLUMNS: usize = 6;
-/// Length of the arrow that shows a push, whatever its size [m].
+/// Length of the arrow that shows a push, whatever its size \[m\].
 const ARROW: f64 = 0.07;
 const ARROW_COLOUR: [f32; 4] = [1.0, 0.75, 0.0, 1.0];
-/// Plots stop here: what is lost falls for metres [mm].
+/// Plots stop here: what is lost falls for metres \[mm\].
 const PLOTTED_MOTION_MM: f64 = 60.0;
 
 /// Writes `motion-PUSH.svg` and `strip-PUSH.png` for each push. Results are there without pictures: what fails is said
