@@ -58,7 +58,12 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
             let centre = [0.2 * normal, -0.3 * normal, 0.0, 0.0, 0.0];
             Law::Slip { centre, resistance: 0.2, friction, bound: Bound::Ellipsoid(normal) }
         } else if condim == 1 {
-            Law::Unilateral { stiffness: 0.5 }
+            // joint limits and friction losses have one row, too
+            if seed.is_multiple_of(2) {
+                Law::Unilateral { stiffness: 0.5 }
+            } else {
+                Law::Bounded { centre: 0.3, stiffness: 0.5, limit: 1.0 }
+            }
         } else if rng.next_u32().is_multiple_of(3) {
             Law::Pyramidal { stiffness: 0.5, friction }
         } else {

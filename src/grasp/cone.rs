@@ -22,7 +22,8 @@ pub enum Zone {
     Stick,
     /// On the cone's surface.
     Slide,
-    /// Pyramids and boxes: the rows that push (pyramid, bit per edge) or saturate (box, two bits per axis).
+    /// Pyramids, boxes, bounded rows: the rows that push (pyramid, bit per edge) or saturate (two bits per axis: at the
+    /// lower, at the upper limit).
     Facet(u32),
 }
 
@@ -69,6 +70,17 @@ pub enum Law {
         /// What the normal force allows.
         bound: Bound,
     },
+    /// One row of either sign up to a limit: an equality (no limit), friction of a joint or tendon.
+    Bounded {
+        /// Force without residual.
+        centre: f64,
+        /// `1 / R` of the row.
+        stiffness: f64,
+        /// Largest force; infinite for an equality.
+        limit: f64,
+    },
+    /// Rows whose force is known already and does not answer.
+    Still,
 }
 
 /// The set in which a friction force lies once the normal force is known.
@@ -111,6 +123,16 @@ impl Response {
 }
 
 impl Law {
+    /// Friction within the elliptic cone of a normal force; see [`Law::Slip`].
+    pub fn slip_ellipsoid(centre: [f64; 5], resistance: f64, friction: [f64; 5], normal: f64) -> Self {
+        Law::Slip { centre, resistance, friction, bound: Bound::Ellipsoid(normal) }
+    }
+
+    /// Friction within the box that the pairs of a pyramid's edges span; see [`Law::Slip`].
+    pub fn slip_box(centre: [f64; 5], resistance: f64, friction: [f64; 5], normals: [f64; 5]) -> Self {
+        Law::Slip { centre, resistance, friction, bound: Bound::Box(normals) }
+    }
+
     /// Evaluates the law at the residual `jar` (one entry for each row that the law governs).
     pub fn respond(&self, jar: &[f64]) -> Response {
         let mut out = Response::open();
@@ -132,6 +154,8 @@ impl Law {
                     Bound::Box(normals) => slip_box(out, jar, centre, kappa, friction, normals),
                 }
             }
+            Law::Bounded { centre, stiffness, limit } => bounded(out, jar[0], *centre, *stiffness, *limit),
+            Law::Still => {}
         }
     }
 }
@@ -178,6 +202,9 @@ impl Law {
                     }
                 }
             }
+            (Law::Bounded { centre, stiffness, limit }, Zone::Facet(saturated)) => {
+                bounded_in(out, jar[0], *centre, *stiffness, *limit, saturated);
+            }
             _ => self.respond_into(jar, out),
         }
     }
@@ -199,6 +226,27 @@ fn unilateral(out: &mut Response, jar: f64, stiffness: f64) {
         out.force[0] = -stiffness * jar;
         out.hessian[0] = stiffness;
         out.zone = Zone::Stick;
+    }
+}
+
+/// `s(jar) = max_f { -f jar - (f - c)^2 / (2 stiffness) }` over `|f| <= limit`.
+fn bounded(out: &mut Response, jar: f64, centre: f64, stiffness: f64, limit: f64) {
+    let trial = centre - stiffness * jar;
+    let saturated = u32::from(trial < -limit) | u32::from(trial > limit) << 1;
+    bounded_in(out, jar, centre, stiffness, limit, saturated);
+    let off = out.force[0] - centre;
+    out.cost = -out.force[0] * jar - 0.5 * off * off / stiffness;
+}
+
+fn bounded_in(out: &mut Response, jar: f64, centre: f64, stiffness: f64, limit: f64, saturated: u32) {
+    out.zone = Zone::Facet(saturated);
+    match saturated {
+        0b00 => {
+            out.force[0] = centre - stiffness * jar;
+            out.hessian[0] = stiffness;
+        }
+        0b01 => out.force[0] = -limit,
+        _ => out.force[0] = limit,
     }
 }
 

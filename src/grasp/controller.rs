@@ -6,6 +6,7 @@ use super::detector::Detector;
 use super::error::Error;
 use super::merged_solve::MergedSolver;
 use super::mobility::Dynamics;
+use super::neighbours::Neighbours;
 use super::phase::{Observation, Phase, PhaseMachine};
 use super::quality::{self, Gram};
 use super::softness::{ConeKind, SolverOptions};
@@ -102,6 +103,7 @@ pub struct Grasp {
     set: ContactSet,
     gram: Gram,
     solver: GraspSolver,
+    neighbours: Neighbours,
     status: SolveStatus,
     live: Vec<ContactForce>,
     force: GraspForce,
@@ -188,6 +190,7 @@ impl Grasp {
             set: ContactSet::default(),
             gram: Gram::new(Vector3::zeros(), 0.0),
             solver: GraspSolver::new(&topology, model.dof_parentid()),
+            neighbours: Neighbours::default(),
             status: SolveStatus::default(),
             topology,
             detector,
@@ -452,13 +455,27 @@ impl Grasp {
             acceleration: sim.qacc_smooth(),
         };
         let options = solver_options(sim);
-        self.status = self.solver.solve(&dynamics, &self.topology, &options, self.set.contacts_mut());
+        self.neighbours.read(sim)?;
+        let contacts = self.set.contacts_mut();
+        self.status = self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.neighbours);
         let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
         if !self.set.contacts().iter().all(finite) {
             return Err(Error::Diverged { time: sim.time(), what: "a contact force" });
         }
         self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
         Ok(())
+    }
+}
+
+impl Grasp {
+    /// Number of the engine's rows that were solved together with the grasp in this step.
+    pub(super) fn solved_rows(&self) -> usize {
+        if self.limits == Limits::Cones { self.neighbours.solved_rows() } else { 0 }
+    }
+
+    /// Writes the forces of those rows.
+    pub(super) fn write_row_forces(&self, sim: &mut Simulation) {
+        self.neighbours.write_forces(sim);
     }
 }
 

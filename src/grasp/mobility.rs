@@ -70,6 +70,23 @@ impl Dynamics<'_> {
         usize::try_from(self.dof_parent[dof]).ok()
     }
 
+    /// `x <- D^-1/2 L^-T x`: a row of a Jacobian in coordinates in which the mass matrix is the identity.
+    pub fn whiten(&self, x: &mut [f64]) {
+        for dof in (0..x.len()).rev() {
+            let value = x[dof];
+            if value == 0.0 {
+                continue;
+            }
+            let mut ancestor = self.parent(dof);
+            for l in self.ancestors_factor(dof) {
+                let Some(j) = ancestor else { break };
+                x[j] -= l * value;
+                ancestor = self.parent(j);
+            }
+            x[dof] = value * self.inverse_diagonal[dof].sqrt();
+        }
+    }
+
     /// Momentum of the subtree at `dof` per unit of its velocity: `crb * cdof`, a column of the mass matrix in space.
     fn momentum(&self, dof: usize) -> Spatial {
         let body = self.dof_body[dof] as usize;
@@ -126,6 +143,28 @@ impl BodyMobility {
         }
     }
 
+    /// Takes out of a whitened row what moves this body, and returns it in the body's own coordinates `y`; what stays in
+    /// the row leaves the body at rest.
+    pub fn take(&self, row: &mut [f64]) -> Spatial {
+        if self.columns.len() <= 6 {
+            let mut y = Spatial::zeros();
+            for (y, &dof) in y.iter_mut().zip(&self.chain) {
+                *y = std::mem::take(&mut row[dof]);
+            }
+            return y;
+        }
+        let mut moved = Spatial::zeros();
+        for (column, &dof) in self.columns.iter().zip(&self.chain) {
+            moved += column * row[dof];
+        }
+        let y = forward(&self.factor, moved);
+        let wrench = backward(&self.factor, y);
+        for (column, &dof) in self.columns.iter().zip(&self.chain) {
+            row[dof] -= column.dot(&wrench);
+        }
+        y
+    }
+
     /// The degrees of freedom that move the body, from the nearest to the base.
     pub fn chain(&self) -> &[usize] {
         &self.chain
@@ -170,6 +209,28 @@ fn semidefinite_factor(a: &Matrix6<f64>) -> Matrix6<f64> {
     l
 }
 
+/// Solves `L y = x` for a factor of [`semidefinite_factor`]; zero along its zero columns.
+fn forward(l: &Matrix6<f64>, mut x: Spatial) -> Spatial {
+    for j in 0..6 {
+        x[j] = if l[(j, j)] > 0.0 { x[j] / l[(j, j)] } else { 0.0 };
+        for i in j + 1..6 {
+            x[i] -= l[(i, j)] * x[j];
+        }
+    }
+    x
+}
+
+/// Solves `L^T y = x` likewise.
+fn backward(l: &Matrix6<f64>, mut x: Spatial) -> Spatial {
+    for j in (0..6).rev() {
+        for i in j + 1..6 {
+            x[j] -= l[(i, j)] * x[i];
+        }
+        x[j] = if l[(j, j)] > 0.0 { x[j] / l[(j, j)] } else { 0.0 };
+    }
+    x
+}
+
 /// One finger's own joints, with the palm's acceleration prescribed.
 #[derive(Clone, Debug, Default)]
 pub struct FingerMobility {
@@ -179,15 +240,6 @@ pub struct FingerMobility {
     axes: Vec<Spatial>,
     /// `L_f^-T F`, `F` the momentum of each joint: what holding the palm back costs.
     momenta: Vec<Spatial>,
-}
-
-/// A unit wrench at a contact, seen from a finger: `whitened[k]` moves joint `k`, `palm` is what reaches the palm.
-#[derive(Clone, Debug, Default)]
-pub struct FingerRow {
-    /// One entry for each joint of the finger, whitened: the row's mobility is the square of its norm.
-    pub whitened: Vec<f64>,
-    /// The wrench on the palm when the finger's joints give way to it.
-    pub palm: Spatial,
 }
 
 impl FingerMobility {
@@ -241,30 +293,31 @@ impl FingerMobility {
         out
     }
 
-    /// The row of a unit wrench on the link whose last joint is `leaf`.
-    pub fn row(&self, dynamics: &Dynamics<'_>, leaf: usize, wrench: &Spatial, row: &mut FingerRow) {
-        row.whitened.clear();
-        row.whitened.resize(self.dofs.len(), 0.0);
-        row.palm = *wrench;
+    /// The row of a unit wrench on the link whose last joint is `leaf`: one whitened entry for each joint of the finger,
+    /// the square of whose norm is the row's mobility. Returns the wrench on the palm when the joints give way.
+    pub fn row(&self, dynamics: &Dynamics<'_>, leaf: usize, wrench: &Spatial, whitened: &mut [f64]) -> Spatial {
+        whitened.fill(0.0);
+        let mut palm = *wrench;
         let mut at = self.position(leaf);
         while let Some(k) = at {
-            row.whitened[k] = self.axes[k].dot(wrench);
+            whitened[k] = self.axes[k].dot(wrench);
             at = self.parents[k];
         }
         let mut at = self.position(leaf);
         while let Some(k) = at {
             let dof = self.dofs[k];
-            let value = row.whitened[k];
+            let value = whitened[k];
             let mut ancestor = self.parents[k];
             for l in dynamics.ancestors_factor(dof) {
                 let Some(j) = ancestor else { break };
-                row.whitened[j] -= l * value;
+                whitened[j] -= l * value;
                 ancestor = self.parents[j];
             }
-            row.palm -= self.momenta[k] * (value * dynamics.inverse_diagonal[dof]);
-            row.whitened[k] = value * dynamics.inverse_diagonal[dof].sqrt();
+            palm -= self.momenta[k] * (value * dynamics.inverse_diagonal[dof]);
+            whitened[k] = value * dynamics.inverse_diagonal[dof].sqrt();
             at = self.parents[k];
         }
+        palm
     }
 
     /// Adds the generalised force of a wrench on the link whose last joint is `leaf`.

@@ -1,6 +1,7 @@
 //! Grasps: contacts -> quality -> phase -> constraint.
 pub mod arrow;
 pub mod bounds;
+pub mod branches;
 pub mod cholesky;
 pub mod closure;
 pub mod cone;
@@ -17,6 +18,7 @@ pub mod merged;
 mod merged_law;
 mod merged_solve;
 pub mod mobility;
+pub mod neighbours;
 pub mod phase;
 pub mod quality;
 mod quickhull;

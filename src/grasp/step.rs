@@ -135,12 +135,24 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
             Limits::Box | Limits::Rigid => grasp.load_merged(sim, &mut force.generalised)?,
         }
     }
-    force.apply(sim)?;
-    sim.constraint()?;
-    for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
-        grasp.read_merged(sim);
+    let solved = |grasp: &Grasp| grasp.phase() == Phase::Grasped && grasp.solved_rows() > 0;
+    let alone = grasps.iter().filter(|g| g.phase() == Phase::Grasped).count() == 1;
+    let complete = alone && grasps[first].limits() == Limits::Cones && grasps[first].solved_rows() == sim.nefc();
+    if !complete {
+        force.apply(sim)?;
+        sim.constraint()?;
+        for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
+            grasp.read_merged(sim);
+        }
+        force.count_as_constraint(sim);
     }
-    force.count_as_constraint(sim);
+    // rows that were solved together with a grasp have the forces of that solve
+    for grasp in grasps.iter().filter(|g| solved(g)) {
+        grasp.write_row_forces(sim);
+    }
+    if complete || grasps.iter().any(solved) {
+        sim.impose_constraint_forces(&force.generalised)?;
+    }
     grasps[first].return_force(force);
     Ok(())
 }

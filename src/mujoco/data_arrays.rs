@@ -162,6 +162,20 @@ impl Simulation {
         unsafe { slice_mut(model.eq_data, model.neq as usize * compat::EQ_DATA) }
     }
 
+    /// Constraint force of each row, to write.
+    pub fn efc_force_mut(&mut self) -> &mut [f64] {
+        let data = self.data();
+        // SAFETY: the first `nefc` elements are in use, and `&mut self` makes the access exclusive.
+        unsafe { slice_mut(data.efc_force, data.nefc as usize) }
+    }
+
+    /// State of each row (mjtConstraintState), to write.
+    pub fn efc_state_mut(&mut self) -> &mut [i32] {
+        let data = self.data();
+        // SAFETY: as above.
+        unsafe { slice_mut(data.efc_state, data.nefc as usize) }
+    }
+
     /// Number of constraint rows.
     pub fn nefc(&self) -> usize {
         self.data().nefc as usize

@@ -133,6 +133,33 @@ impl Simulation {
         self.query("mj_mulM", |m, d| unsafe { ffi::mj_mulM(m, d, out.as_mut_ptr(), v.as_ptr()) })
     }
 
+    /// Ends a solve whose row forces (`efc_force`) are given, in the place of [`constraint`](Self::constraint): with
+    /// `extra` (nv), generalized forces of constraints that have no rows, they make qfrc_constraint and qacc.
+    pub fn impose_constraint_forces(&mut self, extra: &[f64]) -> Result<(), Error> {
+        check_length("the generalized force", self.model().nv(), extra.len())?;
+        let data = self.data();
+        let (total, acceleration, smooth, warm) =
+            (data.qfrc_constraint, data.qacc, data.qacc_smooth, data.qacc_warmstart);
+        let (rows, forces, nv) = (self.nefc(), data.efc_force, extra.len());
+        // SAFETY: arrays of nv numbers that belong to the data, do not overlap each other or `extra`, and are not
+        // borrowed otherwise, as `self` is exclusive; the engine allows source and result of mj_solveM to be the same.
+        self.query("mj_mulJacTVec, mj_solveM", |m, d| unsafe {
+            if rows > 0 {
+                ffi::mj_mulJacTVec(m, d, total, forces);
+            } else {
+                total.write_bytes(0, nv);
+            }
+            for (i, extra) in extra.iter().enumerate() {
+                *total.add(i) += extra;
+            }
+            ffi::mj_solveM(m, d, acceleration, total, 1);
+            for i in 0..nv {
+                *acceleration.add(i) += *smooth.add(i);
+            }
+            warm.copy_from_nonoverlapping(acceleration, nv);
+        })
+    }
+
     /// Sets the wrench that acts on a body from now on: force (N) at its centre of mass and torque (N m), world axes.
     pub fn set_body_wrench(&mut self, body: BodyId, force: &Vector3<f64>, torque: &Vector3<f64>) -> Result<(), Error> {
         check_index(BodyId::KIND, body.index(), self.model().nbody())?;

@@ -97,6 +97,15 @@ pub fn dual(law: &Law, rows: usize) -> Dual {
                 to_rows,
             }
         }
+        Law::Bounded { centre, stiffness, limit } => Dual {
+            regularisation: vec![1.0 / stiffness],
+            shift: vec![centre / stiffness],
+            a: DMatrix::from_row_slice(2, 1, &[1.0, -1.0]),
+            b: DVector::from_element(2, limit),
+            cones: vec![SupportedConeT::NonnegativeConeT(2)],
+            to_rows: DMatrix::identity(1, 1),
+        },
+        Law::Still => panic!("a law without forces has no dual"),
         Law::Slip { centre, resistance, friction, bound } => {
             let r: Vec<f64> = (0..rows).map(|j| resistance * (friction[0] / friction[j]).powi(2)).collect();
             let shift = (0..rows).map(|j| r[j] * centre[j]).collect();

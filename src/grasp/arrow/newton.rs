@@ -310,4 +310,3 @@ fn eliminate_any(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64], scra
     }
     dense::lu_solve(scratch, m, pull, stiffness);
 }
-
