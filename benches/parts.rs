@@ -47,8 +47,8 @@ fn laws(criterion: &mut Criterion) {
 struct Rows {
     root: Vec<RootVector>,
     bias: Vec<f64>,
-    /// Mobility that a finger's joints give its rows, row-major.
-    mobility: Vec<f64>,
+    /// How the rows see the finger's joints, row-major.
+    own: Vec<f64>,
 }
 
 fn rows(condim: usize) -> Vec<Rows> {
@@ -60,9 +60,8 @@ fn rows(condim: usize) -> Vec<Rows> {
     (0..FINGERS)
         .map(|_| {
             let joints: Vec<[f64; JOINTS]> = (0..condim).map(|_| std::array::from_fn(|_| wave(6.0))).collect();
-            let dot = |i: usize, j: usize| (0..JOINTS).map(|k| joints[i][k] * joints[j][k]).sum();
             Rows {
-                mobility: (0..condim * condim).map(|ij| dot(ij / condim, ij % condim)).collect(),
+                own: joints.into_flattened(),
                 root: (0..condim).map(|_| std::array::from_fn(|_| wave(2.0))).collect(),
                 bias: (0..condim).map(|i| wave(2.0) - if i == 0 { 6.0 } else { 0.0 }).collect(),
             }
@@ -77,7 +76,7 @@ fn fill(arrow: &mut Arrow, rows: &[Rows], law: Law, from: &[(Zone, [f64; MAX_ROW
         let m = finger.bias.len();
         arrow.begin_branch();
         arrow.add_block(law, *zone, &finger.root, &finger.bias, &force[..m]);
-        arrow.end_branch(Some(|i: usize, j: usize| finger.mobility[i * m + j]));
+        arrow.end_branch(JOINTS, &finger.own);
     }
 }
 

@@ -87,9 +87,11 @@ fn ours(problem: &Problem, mut z: RootVector, zone: Zone) -> Option<DVector<f64>
             arrow.add_block(c.law, zone, &root, &c.bias, &vec![0.0; c.bias.len()]);
             order.push(c);
         }
-        let rows: Vec<DVector<f64>> =
-            contacts().flat_map(|c| c.rows.row_iter().map(|r| r.columns(ROOT, r.len() - ROOT).transpose())).collect();
-        arrow.end_branch(finger.map(|_| |i: usize, j: usize| rows[i].dot(&rows[j])));
+        let joints = if finger.is_some() { problem.contacts[0].rows.ncols() - ROOT } else { 0 };
+        let rows: Vec<f64> = contacts()
+            .flat_map(|c| c.rows.row_iter().flat_map(|r| r.iter().skip(ROOT).take(joints).copied().collect::<Vec<_>>()))
+            .collect();
+        arrow.end_branch(joints, &rows);
     }
     let status = arrow.solve(&mut z);
     let mut all = DVector::zeros(problem.contacts[0].rows.ncols());

@@ -175,7 +175,9 @@ fn regularisations(law: &Law, rows: usize) -> Vec<f64> {
             let friction_row = |j: usize| cone * cone / (friction[j] * friction[j]);
             (0..rows).map(|j| if j == 0 { 1.0 } else { friction_row(j - 1) } / stiffness).collect()
         }
-        Law::Slip { .. } => panic!("not a law of MuJoCo's main solve"),
+        Law::Slip { .. } | Law::Bounded { .. } | Law::Still => {
+            panic!("not the law of a contact in MuJoCo's main solve")
+        }
     }
 }
 

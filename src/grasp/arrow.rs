@@ -1,16 +1,15 @@
-//! Newton's method on the grasp problem, with the fingers eliminated.
+//! The grasp problem with its Hessian's arrow shape: a root of twelve unknowns, and fingers that know only themselves and
+//! the root.
 //!
 //! The next motion minimises an inertial cost plus one convex law for each contact:
 //!
 //! ```text
-//! 1/2 |z|^2  +  sum over fingers of 1/2 lambda' W lambda  +  sum over contacts of s(bias + Y z + W lambda)
+//! 1/2 |z|^2  +  sum over branches of 1/2 |w|^2  +  sum over contacts of s(bias + Y z + X w)
 //! ```
 //!
-//! `z` are the twelve whitened accelerations of palm and target (the *root*), `lambda` the forces that a finger's rows
-//! have come to know, and `W` the mobility that the finger's own joints give its rows: `W lambda` is how the finger's
-//! links move. At the minimum `lambda` is the contact force. The Hessian is an arrow: each finger is eliminated by a
-//! factorization of the size of its own rows, and what is left are the root's twelve unknowns however many fingers and
-//! contacts there are.
+//! `z` are the twelve whitened accelerations of palm and target (the *root*), `w` those of the joints of one *branch* (a
+//! finger, as a rule), of which a contact's rows see `X w`. Each branch is eliminated by a factorization of its own size,
+//! and what is left are the root's twelve unknowns however many fingers and contacts there are.
 
 mod newton;
 
@@ -31,7 +30,7 @@ pub struct Status {
     pub converged: bool,
 }
 
-/// One contact (or scalar row): a law on some rows of one finger and the root.
+/// One contact (or scalar row): a law on some rows of one branch and the root.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     rows: usize,
@@ -41,15 +40,20 @@ struct Block {
     response: Response,
 }
 
-/// A finger with contacts, or all contacts that no finger's joints take part in.
+/// Blocks that share joints.
 #[derive(Clone, Copy, Debug)]
 struct Branch {
     blocks: (usize, usize),
     row0: usize,
     rows: usize,
-    /// Offset of the branch's square matrices.
+    /// Unknowns of its own: the joints, or as many combinations of them as there are rows.
+    width: usize,
+    /// First of them, in the arrays that hold one entry for each.
+    own0: usize,
+    /// Offset of `X`, rows x width.
+    x0: usize,
+    /// Offset of the factor, width x width.
     square0: usize,
-    moves: bool,
 }
 
 /// The problem and its workspace; buffers are kept from step to step, so that a warm solve allocates nothing.
@@ -59,21 +63,24 @@ pub struct Arrow {
     blocks: Vec<Block>,
     /// `Y`
     root_rows: Vec<RootVector>,
+    /// `X` of each branch, row-major.
+    own_rows: Vec<f64>,
     bias: Vec<f64>,
-    /// `lambda`
-    forces: Vec<f64>,
+    /// Forces from which `w` starts.
+    start: Vec<f64>,
+    /// `w`
+    own: Vec<f64>,
     /// `f`, what the laws answer.
-    law_forces: Vec<f64>,
-    /// `W` of each branch, row-major.
-    mobility: Vec<f64>,
+    forces: Vec<f64>,
     jar: Vec<f64>,
     /// Change of `jar` along the Newton step.
     slope: Vec<f64>,
-    force_step: Vec<f64>,
-    /// `E (f - lambda)` of each branch, `E = (I + C W)^-1`.
-    pull: Vec<f64>,
-    /// `E C` of each branch: the stiffness that the root feels.
-    stiffness: Vec<f64>,
+    own_gradient: Vec<f64>,
+    own_step: Vec<f64>,
+    /// `C X` of each branch, `C` the laws' second derivative.
+    stiff_rows: Vec<f64>,
+    /// Factor (or, of small ones, inverse) of `I + X' C X` of each branch.
+    factors: Vec<f64>,
     scratch: Vec<f64>,
 }
 
@@ -83,54 +90,57 @@ impl Arrow {
         self.branches.clear();
         self.blocks.clear();
         self.root_rows.clear();
+        self.own_rows.clear();
         self.bias.clear();
-        self.forces.clear();
-        self.mobility.clear();
+        self.start.clear();
+        self.own.clear();
+        self.factors.clear();
     }
 
-    /// Starts a branch: blocks added from now on share one finger.
+    /// Starts a branch: blocks added from now on share its joints.
     pub fn begin_branch(&mut self) {
         let block = self.blocks.len();
         self.branches.push(Branch {
             blocks: (block, block),
             row0: self.bias.len(),
             rows: 0,
-            square0: self.mobility.len(),
-            moves: false,
+            width: 0,
+            own0: self.own.len(),
+            x0: self.own_rows.len(),
+            square0: self.factors.len(),
         });
     }
 
     /// Adds a contact to the present branch: one entry of `root_rows`, `bias` and `forces` for each row. `forces` is
-    /// where `lambda` starts and `zone` where on its cone the contact is expected.
+    /// where the solve starts and `zone` where on its cone the contact is expected.
     pub fn add_block(&mut self, law: Law, zone: Zone, root_rows: &[RootVector], bias: &[f64], forces: &[f64]) {
         let mut response = Response::open();
         response.zone = zone;
         self.blocks.push(Block { rows: bias.len(), row0: self.bias.len(), law, response });
         self.root_rows.extend_from_slice(root_rows);
         self.bias.extend_from_slice(bias);
-        self.forces.extend_from_slice(forces);
+        self.start.extend_from_slice(forces);
         if let Some(branch) = self.branches.last_mut() {
             branch.blocks.1 += 1;
             branch.rows += bias.len();
         }
     }
 
-    /// Ends a branch whose finger's joints give its rows the mobility `entry(i, j)`; `None` if no joint takes part.
-    pub fn end_branch(&mut self, entry: Option<impl Fn(usize, usize) -> f64>) {
+    /// Ends a branch. `own_rows`: how its rows see its joints, whitened; one row of `joints` entries for each.
+    pub fn end_branch(&mut self, joints: usize, own_rows: &[f64]) {
         let Some(branch) = self.branches.last_mut() else { return };
         let m = branch.rows;
-        branch.moves = entry.is_some();
-        let square0 = branch.square0;
-        self.mobility.resize(square0 + m * m, 0.0);
-        if let Some(entry) = entry {
-            for i in 0..m {
-                for j in 0..=i {
-                    let w = entry(i, j);
-                    self.mobility[square0 + i * m + j] = w;
-                    self.mobility[square0 + j * m + i] = w;
-                }
-            }
+        branch.width = joints.min(m);
+        if joints <= m {
+            self.own_rows.extend_from_slice(&own_rows[..m * joints]);
+        } else {
+            // more joints than rows: as many unknowns as rows give the same rows, X X' being the same
+            self.own_rows.resize(branch.x0 + m * m, 0.0);
+            let row = |i: usize| &own_rows[i * joints..(i + 1) * joints];
+            dense::semidefinite_factor(m, |i, j| dense::dot(row(i), row(j)), &mut self.own_rows[branch.x0..]);
         }
+        self.own.resize(branch.own0 + branch.width, 0.0);
+        self.factors.resize(branch.square0 + branch.width * branch.width, 0.0);
     }
 
     /// Number of blocks.
@@ -138,7 +148,7 @@ impl Arrow {
         self.blocks.len()
     }
 
-    /// The law of block `block`, and where on its cone the contact is expected.
+    /// The law of block `block`.
     pub fn law(&self, block: usize) -> &Law {
         &self.blocks[block].law
     }
@@ -154,26 +164,21 @@ impl Arrow {
         &self.jar[b.row0..b.row0 + b.rows]
     }
 
-    /// How easily row `row` of block `block` moves [1/kg]: `|Y_i|^2 + W_ii`.
+    /// How easily row `row` of block `block` moves [1/kg]: `|Y_i|^2 + |X_i|^2`.
     pub fn row_mobility(&self, block: usize, row: usize) -> f64 {
         let i = self.blocks[block].row0 + row;
         let y = &self.root_rows[i];
         let own = self.branches.iter().find(|b| (b.row0..b.row0 + b.rows).contains(&i)).map_or(0.0, |b| {
-            let k = i - b.row0;
-            self.mobility[b.square0 + k * b.rows + k]
+            let x = b.own_row(&self.own_rows, i - b.row0);
+            dense::dot(x, x)
         });
         own + dense::dot(y, y)
     }
 
     /// Goes on to the next problem on the same rows: what stands of the solution so far (`kept`, one force for each
-    /// row) becomes a part of the bias, each block gets a new law and expected zone, and `lambda` starts at `start`.
-    /// Returns the root's motion that `kept` explains.
-    pub fn continue_with(
-        &mut self,
-        kept: &[f64],
-        start: &[f64],
-        mut relaw: impl FnMut(usize) -> (Law, Zone),
-    ) -> RootVector {
+    /// row) becomes a part of the bias, each block gets a new law and expected zone, and the solve starts at the forces
+    /// `start`.
+    pub fn continue_with(&mut self, kept: &[f64], start: &[f64], mut relaw: impl FnMut(usize) -> (Law, Zone)) {
         let mut moved = [0.0; ROOT];
         for (y, f) in self.root_rows.iter().zip(kept) {
             dense::axpy(*f, y, &mut moved);
@@ -181,24 +186,46 @@ impl Arrow {
         for (bias, y) in self.bias.iter_mut().zip(&self.root_rows) {
             *bias += dense::dot(y, &moved);
         }
-        self.forces.copy_from_slice(kept);
+        self.start.copy_from_slice(kept);
+        self.own_from_start();
         for branch in &self.branches {
-            add_mobility(branch, &self.mobility, &self.forces, &mut self.bias);
+            branch.add_own(&self.own_rows, &self.own, &mut self.bias);
         }
-        self.forces.copy_from_slice(start);
+        self.start.copy_from_slice(start);
         for (k, block) in self.blocks.iter_mut().enumerate() {
             (block.law, block.response.zone) = relaw(k);
         }
-        moved
+    }
+
+    /// `w = X' f` of the starting forces.
+    fn own_from_start(&mut self) {
+        for branch in &self.branches {
+            let own = &mut self.own[branch.own0..branch.own0 + branch.width];
+            own.fill(0.0);
+            for i in 0..branch.rows {
+                dense::axpy(self.start[branch.row0 + i], branch.own_row(&self.own_rows, i), own);
+            }
+        }
     }
 }
 
 impl Branch {
-    /// Row `i` of this branch's square matrix in `squares`.
+    /// Row `i` of this branch's matrix in `rows`: `X`, or one of its shape.
     #[inline(always)]
-    fn row<'a>(&self, squares: &'a [f64], i: usize) -> &'a [f64] {
-        let start = self.square0 + i * self.rows;
-        &squares[start..start + self.rows]
+    fn own_row<'a>(&self, rows: &'a [f64], i: usize) -> &'a [f64] {
+        let start = self.x0 + i * self.width;
+        &rows[start..start + self.width]
+    }
+
+    /// `out += X own` on the rows of this branch.
+    #[inline(always)]
+    fn add_own(&self, own_rows: &[f64], own: &[f64], out: &mut [f64]) {
+        if self.width > 0 {
+            let own = &own[self.own0..self.own0 + self.width];
+            for i in 0..self.rows {
+                out[self.row0 + i] += dense::dot(self.own_row(own_rows, i), own);
+            }
+        }
     }
 }
 
@@ -213,16 +240,5 @@ impl Block {
         let forces = &mut forces[self.row0..self.row0 + self.rows];
         forces[..first].fill(0.0);
         forces[first..].copy_from_slice(&self.response.force[..self.rows - first]);
-    }
-}
-
-/// `out += W x` on the rows of a branch.
-#[inline(always)]
-fn add_mobility(branch: &Branch, mobility: &[f64], x: &[f64], out: &mut [f64]) {
-    if branch.moves {
-        let rows = branch.row0..branch.row0 + branch.rows;
-        for i in 0..branch.rows {
-            out[branch.row0 + i] += dense::dot(branch.row(mobility, i), &x[rows.clone()]);
-        }
     }
 }

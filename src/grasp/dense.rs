@@ -52,42 +52,51 @@ pub fn cholesky_solve(a: &mut [RootVector; ROOT], b: &mut RootVector) {
     }
 }
 
-/// Solves `A x = b` and `A X = B` in place by Gaussian elimination with partial pivoting, `A` of n rows, `B` square.
-/// `A = I + C W` with positive semidefinite `C`, `W` is never singular.
-pub fn lu_solve(a: &mut [f64], n: usize, b: &mut [f64], many: &mut [f64]) {
-    for k in 0..n {
-        let pivot = (k..n).max_by(|&i, &j| a[i * n + k].abs().total_cmp(&a[j * n + k].abs())).unwrap_or(k);
-        if pivot != k {
-            for c in 0..n {
-                a.swap(k * n + c, pivot * n + c);
-                many.swap(k * n + c, pivot * n + c);
-            }
-            b.swap(k, pivot);
+/// Lower Cholesky factor in place, row-major, of a symmetric matrix that is at least the identity; the lower triangle is
+/// read and replaced.
+#[inline(always)]
+pub fn cholesky(a: &mut [f64], n: usize) {
+    for i in 0..n {
+        let (above, rest) = a.split_at_mut(i * n);
+        let row = &mut rest[..n];
+        for j in 0..i {
+            let other = &above[j * n..j * n + j + 1];
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
         }
-        let inverse = 1.0 / a[k * n + k];
-        for i in k + 1..n {
-            let factor = a[i * n + k] * inverse;
-            if factor != 0.0 {
-                let (upper, lower) = a.split_at_mut(i * n);
-                axpy(-factor, &upper[k * n + k..(k + 1) * n], &mut lower[k..n]);
-                let (upper, lower) = many.split_at_mut(i * n);
-                axpy(-factor, &upper[k * n..(k + 1) * n], &mut lower[..n]);
-                b[i] -= factor * b[k];
-            }
-        }
+        row[i] = (row[i] - dot(&row[..i], &row[..i])).max(f64::MIN_POSITIVE).sqrt();
     }
-    for k in (0..n).rev() {
-        let inverse = 1.0 / a[k * n + k];
-        for c in k + 1..n {
-            let factor = a[k * n + c];
-            b[k] -= factor * b[c];
-            let (upper, lower) = many.split_at_mut(c * n);
-            axpy(-factor, &lower[..n], &mut upper[k * n..(k + 1) * n]);
+}
+
+/// Solves `L L' x = b` in place.
+#[inline(always)]
+pub fn cholesky_backsolve(l: &[f64], n: usize, b: &mut [f64]) {
+    for j in 0..n {
+        b[j] = (b[j] - dot(&l[j * n..j * n + j], &b[..j])) / l[j * n + j];
+    }
+    for j in (0..n).rev() {
+        b[j] /= l[j * n + j];
+        let x = b[j];
+        axpy(-x, &l[j * n..j * n + j], &mut b[..j]);
+    }
+}
+
+/// Largest negative or zero pivot, relative to the largest diagonal, that counts as zero.
+const RANK_TOLERANCE: f64 = 1e-14;
+
+/// Lower factor, row-major into `l`, of the positive semidefinite n x n matrix with these entries; a pivot that rounding
+/// makes zero or less gives a column of zeros.
+pub fn semidefinite_factor(n: usize, entry: impl Fn(usize, usize) -> f64, l: &mut [f64]) {
+    let floor = RANK_TOLERANCE * (0..n).map(|i| entry(i, i)).fold(0.0, f64::max);
+    for i in 0..n {
+        let (above, rest) = l.split_at_mut(i * n);
+        let row = &mut rest[..n];
+        for j in 0..i {
+            let other = &above[j * n..j * n + j + 1];
+            row[j] = if other[j] > 0.0 { (entry(i, j) - dot(&row[..j], &other[..j])) / other[j] } else { 0.0 };
         }
-        b[k] *= inverse;
-        for x in &mut many[k * n..(k + 1) * n] {
-            *x *= inverse;
-        }
+        let pivot = entry(i, i) - dot(&row[..i], &row[..i]);
+        row[i] = if pivot > floor { pivot.sqrt() } else { 0.0 };
+        row[i + 1..].fill(0.0);
     }
 }
 
@@ -96,19 +105,36 @@ mod tests {
     #![allow(clippy::needless_range_loop)]
     use super::*;
 
+    /// A matrix of rank `rank`, at least the identity if `shift` is one.
+    fn gram(n: usize, rank: usize, shift: f64) -> Vec<f64> {
+        let row = |i: usize| -> Vec<f64> { (0..rank).map(|k| ((i * 5 + k * 3) as f64 * 1.7).sin()).collect() };
+        (0..n * n).map(|ij| dot(&row(ij / n), &row(ij % n)) + if ij % (n + 1) == 0 { shift } else { 0.0 }).collect()
+    }
+
     #[test]
-    fn solves_what_was_multiplied() {
-        let n = 5;
-        let a: Vec<f64> =
-            (0..n * n).map(|i| (i as f64 * 1.7).sin() + if i % (n + 1) == 0 { 2.0 } else { 0.0 }).collect();
+    fn cholesky_solves_what_was_multiplied() {
+        let n = 7;
+        let a = gram(n, 5, 1.0);
         let x: Vec<f64> = (0..n).map(|i| i as f64 - 1.5).collect();
         let mut b: Vec<f64> = (0..n).map(|i| dot(&a[i * n..(i + 1) * n], &x)).collect();
-        let mut many = a.clone();
-        lu_solve(&mut a.clone(), n, &mut b, &mut many);
-        for i in 0..n {
-            assert!((b[i] - x[i]).abs() < 1e-12);
-            for j in 0..n {
-                assert!((many[i * n + j] - f64::from(i == j)).abs() < 1e-12);
+        let mut l = a;
+        cholesky(&mut l, n);
+        cholesky_backsolve(&l, n, &mut b);
+        assert!(b.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_semidefinite_factor_gives_the_matrix_back() {
+        for rank in 1..=6 {
+            let n = 6;
+            let a = gram(n, rank, 0.0);
+            let mut l = vec![f64::NAN; n * n];
+            semidefinite_factor(n, |i, j| a[i * n + j], &mut l);
+            for i in 0..n {
+                for j in 0..n {
+                    let product = dot(&l[i * n..(i + 1) * n], &l[j * n..(j + 1) * n]);
+                    assert!((product - a[i * n + j]).abs() < 1e-6, "rank {rank}: {product} for {}", a[i * n + j]);
+                }
             }
         }
     }

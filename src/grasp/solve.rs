@@ -12,7 +12,6 @@ use super::arrow::{Arrow, ROOT, RootVector, Status};
 use super::branches::Branches;
 use super::cone::{Law, MAX_ROWS, Zone, pyramid_pairs};
 use super::contacts::{GraspContact, Memory};
-use super::dense;
 use super::mobility::{Dynamics, Mobility, Spatial};
 use super::neighbours::Neighbours;
 use super::softness::{SolverOptions, softness};
@@ -149,12 +148,12 @@ impl GraspSolver {
         for (i, contact) in contacts.iter().enumerate().filter(|(_, c)| c.finger.is_none()) {
             self.arrow.begin_branch();
             self.add_contact(dynamics, topology, options, (i, contact), None);
-            self.arrow.end_branch(no_joints());
+            self.arrow.end_branch(0, &[]);
         }
         for k in 0..self.branches.free().len() {
             self.arrow.begin_branch();
             self.add_neighbour(neighbours, self.branches.free()[k]);
-            self.arrow.end_branch(no_joints());
+            self.arrow.end_branch(0, &[]);
         }
         for k in 0..self.branches.len() {
             self.add_branch(dynamics, topology, options, contacts, neighbours, k);
@@ -195,9 +194,7 @@ impl GraspSolver {
             }
             self.add_neighbour(neighbours, i);
         }
-        let own = &self.own_rows;
-        let row = |i: usize| &own[i * joints..(i + 1) * joints];
-        self.arrow.end_branch(Some(|i: usize, j: usize| dense::dot(row(i), row(j))));
+        self.arrow.end_branch(joints, &self.own_rows);
     }
 
     fn add_neighbour(&mut self, neighbours: &Neighbours, i: usize) {
@@ -354,11 +351,6 @@ fn first_governed(law: &Law) -> Option<usize> {
         Law::Bounded { .. } => Some(0),
         _ => None,
     }
-}
-
-/// A branch without joints.
-fn no_joints() -> Option<fn(usize, usize) -> f64> {
-    None
 }
 
 /// Where a contact's finger stands among the joints of its branch.

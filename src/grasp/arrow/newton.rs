@@ -1,10 +1,10 @@
-//! Newton's method with a line search on an [`Arrow`], the fingers eliminated one by one.
+//! Newton's method with a line search on an [`Arrow`], its branches eliminated one by one.
 
 #![allow(clippy::needless_range_loop)] // small matrices are read by their indices, as in the formulas
 
 use super::super::cone::MAX_ROWS;
 use super::super::dense;
-use super::{Arrow, Branch, ROOT, RootVector, Status, add_mobility};
+use super::{Arrow, Branch, ROOT, RootVector, Status};
 use nalgebra::{SMatrix, SVector};
 use pulp::Arch;
 
@@ -31,16 +31,20 @@ impl Arrow {
     /// slides, that step was the whole solve.
     pub fn solve(&mut self, z: &mut RootVector) -> Status {
         let rows = self.bias.len();
-        for buffer in [&mut self.jar, &mut self.slope, &mut self.force_step, &mut self.pull, &mut self.law_forces] {
+        for buffer in [&mut self.jar, &mut self.slope, &mut self.forces] {
             buffer.resize(rows, 0.0);
         }
-        self.stiffness.resize(self.mobility.len(), 0.0);
+        for buffer in [&mut self.own_gradient, &mut self.own_step] {
+            buffer.resize(self.own.len(), 0.0);
+        }
+        self.stiff_rows.resize(self.own_rows.len(), 0.0);
         let mut newton = Newton { gradient: [0.0; ROOT], step: [0.0; ROOT], hessian: [[0.0; ROOT]; ROOT] };
+        self.own_from_start();
         self.residuals(z);
         for b in &mut self.blocks {
             let zone = b.response.zone;
             b.law.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], zone, &mut b.response);
-            b.store_force(&mut self.law_forces);
+            b.store_force(&mut self.forces);
         }
         self.gradient(z, &mut newton.gradient);
         self.newton_step(&mut newton);
@@ -51,17 +55,17 @@ impl Arrow {
         self.descend(&mut newton, z)
     }
 
-    /// Newton with a line search from where `z` and `lambda` are.
+    /// Newton with a line search from where `z` and `w` are.
     fn descend(&mut self, newton: &mut Newton, z: &mut RootVector) -> Status {
         let mut cost = self.respond().0 + self.inertial_cost(z);
         for iterations in 1..MAX_ITERATIONS {
             let scale = self.gradient(z, &mut newton.gradient);
-            let size = self.gradient_norm(&newton.gradient);
+            let size = dense::norm(&newton.gradient).hypot(dense::norm(&self.own_gradient));
             if size <= TOLERANCE * scale {
                 return Status { iterations, converged: true };
             }
             self.newton_step(newton);
-            let decrease = self.directional_derivative(newton);
+            let decrease = dense::dot(&newton.gradient, &newton.step) + dense::dot(&self.own_gradient, &self.own_step);
             let slack = 1e-14 * cost.abs();
             let mut length = 1.0;
             let mut accepted = None;
@@ -90,20 +94,20 @@ impl Arrow {
         Status { iterations: MAX_ITERATIONS, converged: false }
     }
 
-    /// `jar = bias + Y z + W lambda`
+    /// `jar = bias + Y z + X w`
     fn residuals(&mut self, z: &RootVector) {
         for ((jar, bias), y) in self.jar.iter_mut().zip(&self.bias).zip(&self.root_rows) {
             *jar = bias + dense::dot(y, z);
         }
         for branch in &self.branches {
-            add_mobility(branch, &self.mobility, &self.forces, &mut self.jar);
+            branch.add_own(&self.own_rows, &self.own, &mut self.jar);
         }
     }
 
-    /// Moves `z`, `lambda` and the residuals along the Newton step.
+    /// Moves `z`, `w` and the residuals along the Newton step.
     fn advance(&mut self, length: f64, step: &RootVector, z: &mut RootVector) {
         dense::axpy(length, step, z);
-        dense::axpy(length, &self.force_step, &mut self.forces);
+        dense::axpy(length, &self.own_step, &mut self.own);
         dense::axpy(length, &self.slope, &mut self.jar);
     }
 
@@ -113,7 +117,7 @@ impl Arrow {
         for b in &mut self.blocks {
             let before = b.response.zone;
             b.law.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
-            b.store_force(&mut self.law_forces);
+            b.store_force(&mut self.forces);
             affine &= b.response.zone == before && before.is_affine();
             cost += b.response.cost;
         }
@@ -121,61 +125,30 @@ impl Arrow {
     }
 
     fn inertial_cost(&self, z: &RootVector) -> f64 {
-        let mut cost = dense::dot(z, z);
-        for branch in self.branches.iter().filter(|b| b.moves) {
-            let forces = &self.forces[branch.row0..branch.row0 + branch.rows];
-            for (i, f) in forces.iter().enumerate() {
-                cost += f * dense::dot(branch.row(&self.mobility, i), forces);
-            }
-        }
-        0.5 * cost
+        0.5 * (dense::dot(z, z) + dense::dot(&self.own, &self.own))
     }
 
-    /// The root's gradient; returns the size of its largest terms, against which gradients are judged.
-    fn gradient(&self, z: &RootVector, gradient: &mut RootVector) -> f64 {
+    /// `z - Y' f` and `w - X' f`; returns the size of the largest terms, against which gradients are judged.
+    fn gradient(&mut self, z: &RootVector, gradient: &mut RootVector) -> f64 {
         *gradient = [0.0; ROOT];
-        for (y, f) in self.root_rows.iter().zip(&self.law_forces) {
+        for (y, f) in self.root_rows.iter().zip(&self.forces) {
             dense::axpy(*f, y, gradient);
         }
         let scale = dense::norm(gradient).max(dense::norm(z)).max(f64::MIN_POSITIVE);
         for (g, z) in gradient.iter_mut().zip(z) {
             *g = z - *g;
         }
-        scale
-    }
-
-    /// Norm of the whole gradient: the root's, and `W^1/2 (lambda - f)` of each finger.
-    fn gradient_norm(&self, root: &RootVector) -> f64 {
-        let mut square = dense::dot(root, root);
-        for branch in self.branches.iter().filter(|b| b.moves) {
+        self.own_gradient.copy_from_slice(&self.own);
+        for branch in &self.branches {
+            let gradient = &mut self.own_gradient[branch.own0..branch.own0 + branch.width];
             for i in 0..branch.rows {
-                let moved: f64 = (0..branch.rows)
-                    .map(|j| branch.row(&self.mobility, i)[j] * self.disagreement(branch.row0 + j))
-                    .sum();
-                square += self.disagreement(branch.row0 + i) * moved;
+                dense::axpy(-self.forces[branch.row0 + i], branch.own_row(&self.own_rows, i), gradient);
             }
         }
-        square.max(0.0).sqrt()
+        scale.max(dense::norm(&self.own))
     }
 
-    /// `lambda - f` of a row.
-    fn disagreement(&self, row: usize) -> f64 {
-        self.forces[row] - self.law_forces[row]
-    }
-
-    fn directional_derivative(&self, newton: &Newton) -> f64 {
-        let mut sum = dense::dot(&newton.gradient, &newton.step);
-        for branch in self.branches.iter().filter(|b| b.moves) {
-            for i in 0..branch.rows {
-                let row = branch.row(&self.mobility, i);
-                let steps = &self.force_step[branch.row0..branch.row0 + branch.rows];
-                sum += self.disagreement(branch.row0 + i) * dense::dot(row, steps);
-            }
-        }
-        sum
-    }
-
-    /// Solves for the step of root and fingers: `H step = -gradient`, with the widest vectors that the processor has.
+    /// Solves for the step of root and branches: `H step = -gradient`, with the widest vectors that the processor has.
     /// No operation is contracted or reordered for it: the result is the same on every processor.
     fn newton_step(&mut self, newton: &mut Newton) {
         Arch::new().dispatch(
@@ -193,120 +166,170 @@ impl Arrow {
         }
         for k in 0..self.branches.len() {
             let branch = self.branches[k];
-            self.eliminate(&branch);
-            self.add_to_root(&branch, newton);
+            match (branch.rows, branch.width) {
+                // one contact of condim 3 or 4 is what most fingers have
+                (3, 3) => self.eliminate_small::<3>(&branch, newton),
+                (4, 4) => self.eliminate_small::<4>(&branch, newton),
+                _ => self.eliminate(&branch, newton),
+            }
         }
         // the root's Hessian is at least the identity: the factor exists
         dense::cholesky_solve(&mut newton.hessian, &mut newton.step);
         for (slope, y) in self.slope.iter_mut().zip(&self.root_rows) {
             *slope = dense::dot(y, &newton.step);
         }
-        for branch in &self.branches {
-            let rows = branch.row0..branch.row0 + branch.rows;
-            if branch.moves {
-                for i in 0..branch.rows {
-                    let stiffness = branch.row(&self.stiffness, i);
-                    self.force_step[branch.row0 + i] =
-                        self.pull[branch.row0 + i] - dense::dot(stiffness, &self.slope[rows.clone()]);
-                }
-                add_mobility(branch, &self.mobility, &self.force_step, &mut self.slope);
-            } else {
-                self.force_step[rows].fill(0.0);
-            }
+        for k in 0..self.branches.len() {
+            let branch = self.branches[k];
+            self.step_back(&branch);
         }
     }
 
-    /// One finger's `E (f - lambda)` and `E C`, `E = (I + C W)^-1` (without joints `E` is the identity).
+    /// A branch of as many unknowns as rows, by closed inverses: with `S = I + X' C X` it gives the root the stiffness
+    /// `C - C X S^-1 X' C` and the pull `C X S^-1 g`.
     #[inline(always)]
-    fn eliminate(&mut self, branch: &Branch) {
-        let m = branch.rows;
-        let stiffness = &mut self.stiffness[branch.square0..branch.square0 + m * m];
-        let pull = &mut self.pull[branch.row0..branch.row0 + m];
-        stiffness.fill(0.0);
+    fn eliminate_small<const M: usize>(&mut self, branch: &Branch, newton: &mut Newton) {
+        let mut c = SMatrix::<f64, M, M>::zeros();
         for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
             let (at, first) = (b.row0 - branch.row0, b.first_row());
             for i in first..b.rows {
                 for k in first..b.rows {
-                    stiffness[(at + i) * m + at + k] = b.response.hessian[(i - first) * MAX_ROWS + k - first];
+                    c[(at + i, at + k)] = b.response.hessian[(i - first) * MAX_ROWS + k - first];
                 }
             }
         }
-        if !branch.moves {
+        let x = SMatrix::<f64, M, M>::from_row_slice(&self.own_rows[branch.x0..branch.x0 + M * M]);
+        let cx = c * x;
+        // at least the identity: never singular
+        let inverse = (SMatrix::<f64, M, M>::identity() + x.tr_mul(&cx)).try_inverse().unwrap_or_else(SMatrix::zeros);
+        let half = cx * inverse;
+        let stiffness = c - half * cx.transpose();
+        let gradient = SVector::<f64, M>::from_column_slice(&self.own_gradient[branch.own0..branch.own0 + M]);
+        let pull = half * gradient;
+        // symmetric: columns are rows
+        self.factors[branch.square0..branch.square0 + M * M].copy_from_slice(inverse.as_slice());
+        self.stiff_rows[branch.x0..branch.x0 + M * M].copy_from_slice(cx.transpose().as_slice());
+        let rows = &self.root_rows[branch.row0..branch.row0 + M];
+        for i in 0..M {
+            let mut coupled = [0.0; ROOT];
+            for j in 0..M {
+                for k in 0..ROOT {
+                    coupled[k] += stiffness[(i, j)] * rows[j][k];
+                }
+            }
+            add_outer(&rows[i], &coupled, &mut newton.hessian);
+            dense::axpy(pull[i], &rows[i], &mut newton.step);
+        }
+    }
+
+    /// Any branch, by a Cholesky factor of `S`.
+    #[inline(always)]
+    fn eliminate(&mut self, branch: &Branch, newton: &mut Newton) {
+        let (m, n) = (branch.rows, branch.width);
+        let stiff_rows = &mut self.stiff_rows[branch.x0..branch.x0 + m * n];
+        stiff_rows.fill(0.0);
+        for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
+            let first = b.first_row();
+            for i in first..b.rows {
+                let row = b.row0 + i;
+                let mut coupled = [0.0; ROOT];
+                for k in first..b.rows {
+                    let c = b.response.hessian[(i - first) * MAX_ROWS + k - first];
+                    if c != 0.0 {
+                        dense::axpy(c, &self.root_rows[b.row0 + k], &mut coupled);
+                        let at = row - branch.row0;
+                        let x = branch.own_row(&self.own_rows, b.row0 + k - branch.row0);
+                        dense::axpy(c, x, &mut stiff_rows[at * n..(at + 1) * n]);
+                    }
+                }
+                add_outer(&self.root_rows[row], &coupled, &mut newton.hessian);
+            }
+        }
+        if n == 0 {
             return;
         }
-        for (i, pull) in pull.iter_mut().enumerate() {
-            *pull = self.law_forces[branch.row0 + i] - self.forces[branch.row0 + i];
+        let factor = &mut self.factors[branch.square0..branch.square0 + n * n];
+        factor.fill(0.0);
+        for i in 0..m {
+            let (x, stiff) = (branch.own_row(&self.own_rows, i), &stiff_rows[i * n..(i + 1) * n]);
+            for (j, x) in x.iter().enumerate() {
+                dense::axpy(*x, &stiff[..=j], &mut factor[j * n..j * n + j + 1]);
+            }
         }
-        let mobility = &self.mobility[branch.square0..branch.square0 + m * m];
-        // one contact of condim 3 or 4 is what most fingers have
-        match m {
-            3 => eliminate_small::<3>(mobility, pull, stiffness),
-            4 => eliminate_small::<4>(mobility, pull, stiffness),
-            _ => eliminate_any(mobility, pull, stiffness, &mut self.scratch),
+        for j in 0..n {
+            factor[j * n + j] += 1.0;
+        }
+        dense::cholesky(factor, n);
+        // K = L^-1 X' C Y and L^-1 g: the root's Hessian loses K'K, its right-hand side gains K' L^-1 g
+        self.scratch.clear();
+        self.scratch.resize(n * (ROOT + 1), 0.0);
+        let (coupling, gradient) = self.scratch.split_at_mut(n * ROOT);
+        for i in 0..m {
+            for (j, stiff) in stiff_rows[i * n..(i + 1) * n].iter().enumerate() {
+                dense::axpy(*stiff, &self.root_rows[branch.row0 + i], &mut coupling[j * ROOT..(j + 1) * ROOT]);
+            }
+        }
+        gradient.copy_from_slice(&self.own_gradient[branch.own0..branch.own0 + n]);
+        for j in 0..n {
+            let row = &factor[j * n..j * n + j];
+            let inverse = 1.0 / factor[j * n + j];
+            let (done, rest) = coupling.split_at_mut(j * ROOT);
+            let k: &mut [f64] = &mut rest[..ROOT];
+            for (l, above) in row.iter().zip(done.chunks_exact(ROOT)) {
+                dense::axpy(-l, above, k);
+            }
+            k.iter_mut().for_each(|k| *k *= inverse);
+            gradient[j] = (gradient[j] - dense::dot(row, &gradient[..j])) * inverse;
+            let mut negative = [0.0; ROOT];
+            for (negative, k) in negative.iter_mut().zip(&*k) {
+                *negative = -k;
+            }
+            let mut row = [0.0; ROOT];
+            row.copy_from_slice(k);
+            add_outer(&row, &negative, &mut newton.hessian);
+            dense::axpy(gradient[j], &row, &mut newton.step);
         }
     }
 
-    /// `H += Y' E C Y` and the finger's share of the right-hand side, `Y' E (f - lambda)` less what the root's gradient
-    /// already has of it. Only the lower triangle of `H` is kept.
+    /// The branch's own step `-S^-1 (g + X' C Y dz)`, `Y dz` being in `slope`, and its share of the slope.
     #[inline(always)]
-    fn add_to_root(&self, branch: &Branch, newton: &mut Newton) {
-        let rows = &self.root_rows[branch.row0..branch.row0 + branch.rows];
-        for (i, y) in rows.iter().enumerate() {
-            let mut coupled = [0.0; ROOT];
-            for (c, other) in branch.row(&self.stiffness, i).iter().zip(rows) {
-                for k in 0..ROOT {
-                    coupled[k] += c * other[k];
-                }
-            }
-            for k in 0..ROOT / 2 {
-                for j in 0..ROOT / 2 {
-                    newton.hessian[k][j] += y[k] * coupled[j];
-                }
-            }
-            for k in ROOT / 2..ROOT {
-                for j in 0..ROOT {
-                    newton.hessian[k][j] += y[k] * coupled[j];
-                }
-            }
-            if branch.moves {
-                let row = branch.row0 + i;
-                let pull = self.pull[row] + self.disagreement(row);
-                for k in 0..ROOT {
-                    newton.step[k] += pull * y[k];
-                }
-            }
+    fn step_back(&mut self, branch: &Branch) {
+        let n = branch.width;
+        if n == 0 {
+            return;
         }
+        let own = branch.own0..branch.own0 + n;
+        let factor = &self.factors[branch.square0..branch.square0 + n * n];
+        let step = &mut self.own_step[own.clone()];
+        for (step, gradient) in step.iter_mut().zip(&self.own_gradient[own]) {
+            *step = -gradient;
+        }
+        for i in 0..branch.rows {
+            dense::axpy(-self.slope[branch.row0 + i], branch.own_row(&self.stiff_rows, i), step);
+        }
+        if branch.rows == n && (n == 3 || n == 4) {
+            let mut right = [0.0; 4];
+            right[..n].copy_from_slice(step);
+            for (step, row) in step.iter_mut().zip(factor.chunks_exact(n)) {
+                *step = dense::dot(row, &right[..n]);
+            }
+        } else {
+            dense::cholesky_backsolve(factor, n, step);
+        }
+        branch.add_own(&self.own_rows, &self.own_step, &mut self.slope);
     }
 }
 
-/// `pull <- E pull`, `stiffness <- E C` with `E = (I + C W)^-1`, for as many rows as there are closed inverses for.
+/// `H += a b'`, lower triangle (and what of the upper one costs nothing).
 #[inline(always)]
-fn eliminate_small<const M: usize>(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64]) {
-    let c = SMatrix::<f64, M, M>::from_row_slice(stiffness);
-    let w = SMatrix::<f64, M, M>::from_row_slice(mobility);
-    let a = SMatrix::<f64, M, M>::identity() + c * w;
-    // the eigenvalues of C W are those of a positive semidefinite matrix: A is never singular
-    let e = a.try_inverse().unwrap_or_else(SMatrix::identity);
-    let pulled = e * SVector::<f64, M>::from_column_slice(pull);
-    pull.copy_from_slice(pulled.as_slice());
-    // symmetric: columns are rows
-    stiffness.copy_from_slice((e * c).as_slice());
-}
-
-/// As [`eliminate_small`], for any number of rows.
-fn eliminate_any(mobility: &[f64], pull: &mut [f64], stiffness: &mut [f64], scratch: &mut Vec<f64>) {
-    let m = pull.len();
-    scratch.clear();
-    scratch.resize(m * m, 0.0);
-    for i in 0..m {
-        let row = &mut scratch[i * m..(i + 1) * m];
-        for k in 0..m {
-            let c = stiffness[i * m + k];
-            if c != 0.0 {
-                dense::axpy(c, &mobility[k * m..(k + 1) * m], row);
-            }
+fn add_outer(a: &RootVector, b: &RootVector, hessian: &mut [RootVector; ROOT]) {
+    for k in 0..ROOT / 2 {
+        for j in 0..ROOT / 2 {
+            hessian[k][j] += a[k] * b[j];
         }
-        row[i] += 1.0;
     }
-    dense::lu_solve(scratch, m, pull, stiffness);
+    for k in ROOT / 2..ROOT {
+        for j in 0..ROOT {
+            hessian[k][j] += a[k] * b[j];
+        }
+    }
 }
