@@ -190,10 +190,12 @@ fn figures(name: &str, stories: [&Story; 2], apart: f64, agreement: &Comparison)
 
 #[test]
 fn a_block_is_carried_and_let_go() {
+    // measured: 0.20 mm and 0.37 mm, surplus 8 and 10, 0.21 mm apart, normal forces 0.30
     carry("shadow_block.toml", &Bounds { moves: [0.0005, 0.0015], surplus: 4, apart: 0.0008, normal_forces: 0.5 });
 }
 
 #[test]
 fn an_egg_is_carried_and_let_go() {
+    // measured: 0.30 mm and 0.64 mm, 0.25 mm apart, normal forces 0.24
     carry("shadow_egg.toml", &Bounds { moves: [0.001, 0.002], surplus: 0, apart: 0.0008, normal_forces: 0.5 });
 }
