@@ -22,6 +22,9 @@ use mujoco_grasp::scenario::trajectory::Trajectory;
 /// The hand is closed, and its wrist moves: from `measure_from` of every scenario until the hand opens \[s\].
 const CARRY: Range<f64> = 2.4..5.2;
 
+/// Iterations of the reference's friction pass. The scenes have none, and then a held object creeps.
+const NOSLIP: usize = 100;
+
 /// Bounds for one scenario. They are there to notice a grasp that got worse; what was measured is beside them.
 struct Bounds {
     /// How far the object may move in the palm during [`CARRY`], in full and in grasp mode \[m\].
@@ -31,6 +34,8 @@ struct Bounds {
     /// At some time during [`CARRY`], at least so many contacts more than links and palm that have one. The links are
     /// capsules and the palm is two boxes: an egg has one contact with each at most, a pen two, a block up to eight.
     surplus: usize,
+    /// Whether the object rests against the palm, too.
+    palm: bool,
     /// RMS distance between the two motions during [`CARRY`] \[m\], and RMS difference of the links' normal forces over
     /// RMS of full's, from `measure_from` until the object is lost.
     agreement: (f64, f64),
@@ -59,6 +64,9 @@ struct Story {
 impl Story {
     fn of(plan: &Plan, mode: Mode) -> Story {
         let mut runner = Runner::new(plan, mode, None).unwrap();
+        if mode == Mode::Full {
+            runner.sim_mut().set_noslip_iterations(NOSLIP).unwrap();
+        }
         let (palm, object) = (runner.grasp().palm(), runner.grasp().target());
         let hand: Vec<BodyId> = runner.grasp().links().iter().copied().chain([palm]).collect();
         let wrist = ["robot0:WRJ1", "robot0:WRJ0"].map(|name| {
@@ -154,7 +162,7 @@ fn carry(name: &str, bounds: &Bounds) {
         assert!(story.largest_motion() < moves, "{mode}: the object moves in the hand\n{figures}");
         assert!(story.links >= bounds.links, "{mode}: few links hold the object\n{figures}");
         assert!(story.surplus >= bounds.surplus, "{mode}: no link has several contacts\n{figures}");
-        assert!(story.palm[1] > 0.1, "{mode}: the palm does not press\n{figures}");
+        assert_eq!(story.palm[1] > 0.1, bounds.palm, "{mode}: does the palm press?\n{figures}");
         assert_eq!(story.summary.outcome, Some(Outcome::Lost), "{mode}: the object stays in the hand\n{figures}");
     }
     assert!(full.changes.is_empty(), "{figures}");
@@ -191,21 +199,22 @@ fn figures(name: &str, stories: [&Story; 2], apart: f64, agreement: &Comparison)
 
 #[test]
 fn a_block_is_carried_and_let_go() {
-    // measured: 0.20 mm and 0.37 mm, 9 and 7 links, surplus 8 and 10, 0.21 mm apart, normal forces 0.30
-    let agreement = (0.0008, 0.5);
-    carry("shadow_block.toml", &Bounds { moves: [0.0005, 0.0015], links: 5, surplus: 4, agreement });
+    // measured: 0.67 mm and 0.51 mm, 7 and 7 links, surplus 5 and 5, 0.33 mm apart, normal forces 0.22. The reference
+    // itself moves as much with the number of its noslip iterations: 0.54 mm and 0.25 from 100 to 1000.
+    let agreement = (0.0006, 0.35);
+    carry("shadow_block.toml", &Bounds { moves: [0.0012, 0.0012], links: 5, surplus: 4, palm: true, agreement });
 }
 
 #[test]
 fn an_egg_is_carried_and_let_go() {
-    // measured: 0.30 mm and 0.64 mm, 8 and 6 links, 0.25 mm apart, normal forces 0.24
-    let agreement = (0.0008, 0.5);
-    carry("shadow_egg.toml", &Bounds { moves: [0.001, 0.002], links: 5, surplus: 0, agreement });
+    // measured: 0.66 mm and 0.59 mm, 6 and 5 links, 0.09 mm apart, normal forces 0.14; the fingers lift it off the palm
+    let agreement = (0.0002, 0.25);
+    carry("shadow_egg.toml", &Bounds { moves: [0.0012, 0.0012], links: 4, surplus: 0, palm: false, agreement });
 }
 
 #[test]
 fn a_pen_is_carried_and_let_go() {
-    // measured: 0.66 mm and 0.82 mm, 4 and 4 links, surplus 2 and 2, 0.68 mm apart, normal forces 0.29
-    let agreement = (0.0015, 0.5);
-    carry("shadow_pen.toml", &Bounds { moves: [0.0015, 0.0025], links: 3, surplus: 1, agreement });
+    // measured: 0.95 mm and 1.06 mm, 5 and 4 links, surplus 2 and 2, 0.06 mm apart, normal forces 0.09
+    let agreement = (0.0002, 0.15);
+    carry("shadow_pen.toml", &Bounds { moves: [0.0015, 0.0015], links: 3, surplus: 1, palm: true, agreement });
 }
