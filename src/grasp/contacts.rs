@@ -100,6 +100,24 @@ impl GraspContact {
         self.memory.as_ref()
     }
 
+    /// The forces of the rows that the engine would have for this contact, and their number: the contact's own, or those
+    /// of a pyramid's edges. The axes of a contact and the engine's point opposite ways if the target comes first, and so do
+    /// the forces: the rows are alike.
+    pub(super) fn engine_rows(&self, pyramidal: bool) -> ([f64; 10], usize) {
+        let mut rows = [0.0; 10];
+        let condim = self.parameters.condim;
+        if condim == 1 || !pyramidal {
+            rows[..condim].copy_from_slice(&self.force_rows[..condim]);
+            return (rows, condim);
+        }
+        let share = self.force_rows[0] / (condim - 1) as f64;
+        for (j, edges) in rows.chunks_exact_mut(2).take(condim - 1).enumerate() {
+            let along = self.force_rows[j + 1] / self.parameters.friction[j];
+            edges.copy_from_slice(&[0.5 * (share + along), 0.5 * (share - along)]);
+        }
+        (rows, 2 * (condim - 1))
+    }
+
     /// The wrench of a unit force of row `i` on the target, `[torque about point; force]`.
     pub fn unit_wrench(&self, i: usize, point: &Vector3<f64>) -> Spatial {
         let axis = &self.axes[i % 3];

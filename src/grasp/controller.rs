@@ -342,6 +342,9 @@ impl Grasp {
     pub(super) fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
         let alone = self.detector.replaces_collision(sim)?;
         if alone {
+            for contact in self.detector.found() {
+                sim.append_contact(contact);
+            }
             self.set.read(self.detector.found().iter().cloned(), sim, &self.topology);
         }
         Ok(alone)
@@ -476,6 +479,21 @@ impl Grasp {
     /// Writes the forces of those rows.
     pub(super) fn write_row_forces(&self, sim: &mut Simulation) {
         self.neighbours.write_forces(sim);
+    }
+
+    /// Shows the engine the forces of the contacts, from `offset` numbers behind its rows on, and moves `offset` on. In a
+    /// merged grasp the weld's rows carry them already.
+    pub(super) fn show_forces(&self, sim: &mut Simulation, offset: &mut usize) -> Result<(), Error> {
+        if self.limits == Limits::Cones {
+            let pyramidal = sim.model().cone() == Cone::Pyramidal;
+            let listed = sim.contact_count();
+            for contact in self.set.contacts().iter().filter(|c| c.index < listed) {
+                let (rows, count) = contact.engine_rows(pyramidal);
+                sim.show_contact_force(contact.index, *offset, &rows[..count])?;
+                *offset += count;
+            }
+        }
+        Ok(())
     }
 }
 

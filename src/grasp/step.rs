@@ -154,6 +154,10 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
         sim.impose_constraint_forces(&force.generalised)?;
     }
     grasps[first].return_force(force);
+    let mut offset = 0;
+    for grasp in grasps.iter().filter(|g| g.phase() == Phase::Grasped) {
+        grasp.show_forces(sim, &mut offset)?;
+    }
     Ok(())
 }
 

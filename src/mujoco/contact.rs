@@ -35,7 +35,8 @@ pub struct Contact {
     /// Kept out of the solve: in the gap, by [`Simulation::exclude_contact`], or because no degree of freedom can move
     /// it.
     pub excluded: bool,
-    /// Its first constraint row, if it has any.
+    /// Its first constraint row, if it has any; beyond all rows if its force is a
+    /// [shown](Simulation::show_contact_force) one.
     pub efc_address: Option<usize>,
 }
 
@@ -66,7 +67,7 @@ pub struct ContactForce {
 
 /// mjContact.exclude of 2.2.2: 0 included, 1 in gap, 2 fused, 3 equality, 4 no degrees of freedom. A contact is made
 /// into rows only at 0.
-const EXCLUDED_BY_US: i32 = 3;
+pub(super) const EXCLUDED_BY_US: i32 = 3;
 
 impl Simulation {
     fn raw_contacts(&self) -> &[ffi::mjContact] {
@@ -144,11 +145,13 @@ impl Simulation {
         [raw.geom1, raw.geom2].map(|geom| BodyId::from_index(body_of[geom as usize] as usize))
     }
 
-    /// Whether the contact's rows are among the current ones.
+    /// Whether the contact's rows are among the current ones, or those of a contact with a
+    /// [shown force](Self::show_contact_force) behind them.
     fn has_rows(&self, raw: &ffi::mjContact) -> bool {
         let dim = raw.dim as usize;
         let rows = if dim > 1 && self.model().cone() == Cone::Pyramidal { 2 * (dim - 1) } else { dim };
-        usize::try_from(raw.efc_address).is_ok_and(|first| first + rows <= self.nefc())
+        let end = if raw.exclude == EXCLUDED_BY_US { self.model().njmax() } else { self.nefc() };
+        usize::try_from(raw.efc_address).is_ok_and(|first| first + rows <= end)
     }
 }
 

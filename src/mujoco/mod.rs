@@ -35,6 +35,7 @@ mod render;
 pub mod rows;
 mod separation;
 mod shape;
+mod shown;
 mod simulation;
 pub mod stages;
 mod state;
