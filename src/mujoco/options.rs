@@ -193,6 +193,13 @@ impl Simulation {
         Ok(())
     }
 
+    /// Sets the improvement per iteration at which the noslip solver stops; zero or more.
+    pub fn set_noslip_tolerance(&mut self, tolerance: f64) -> Result<(), Error> {
+        check_value("the noslip tolerance", tolerance, "finite and zero or more", |t| t >= 0.0)?;
+        self.options_mut().noslip_tolerance = tolerance;
+        Ok(())
+    }
+
     /// Sets the ratio of friction to normal impedance of elliptic contacts; more than zero.
     pub fn set_impratio(&mut self, impratio: f64) -> Result<(), Error> {
         check_value("impratio", impratio, "finite and more than zero", |r| r > 0.0)?;

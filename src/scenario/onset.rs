@@ -17,9 +17,7 @@ const FARTHEST: f64 = 1024.0;
 /// A scenario that cannot be set up or run so far.
 pub fn full_at_measure(plan: &Plan, options: Options) -> Result<Runner, Error> {
     let mut runner = Runner::new(plan, Mode::Full, None)?;
-    if let Some(noslip) = options.noslip {
-        runner.sim_mut().set_noslip_iterations(noslip)?;
-    }
+    options.set_noslip(runner.sim_mut())?;
     advance(&mut runner, plan.timeline.measure_from())?;
     Ok(runner)
 }

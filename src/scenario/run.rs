@@ -11,6 +11,7 @@ use super::outcome::{Summary, summarize};
 use super::plan::{Plan, Push};
 use super::runner::{Mode, Runner};
 use super::trajectory::Trajectory;
+use crate::mujoco::Simulation;
 
 /// Poses kept for pictures, per second of simulation.
 pub const POSES_PER_SECOND: f64 = 25.0;
@@ -18,8 +19,23 @@ pub const POSES_PER_SECOND: f64 = 25.0;
 /// What to run, besides the scenario.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Iterations of MuJoCo's noslip solver in full mode; `None`: the MJCF's.
+    /// Iterations of MuJoCo's noslip solver in full mode, all of them made; `None`: as the MJCF has it, where they end
+    /// at a tolerance.
     pub noslip: Option<usize>,
+}
+
+impl Options {
+    /// Sets the noslip solver of the full solve.
+    ///
+    /// # Errors
+    /// What the engine reports.
+    pub fn set_noslip(&self, sim: &mut Simulation) -> Result<(), Error> {
+        if let Some(noslip) = self.noslip {
+            sim.set_noslip_iterations(noslip)?;
+            sim.set_noslip_tolerance(0.0)?;
+        }
+        Ok(())
+    }
 }
 
 /// Who is told how runs go, from several threads at once.
@@ -142,8 +158,8 @@ pub fn run(
 ) -> Result<Run, Error> {
     const REPORT_EVERY: u64 = 100;
     let mut runner = Runner::new(plan, mode, push)?;
-    if let (Mode::Full, Some(noslip)) = (mode, options.noslip) {
-        runner.sim_mut().set_noslip_iterations(noslip)?;
+    if mode == Mode::Full {
+        options.set_noslip(runner.sim_mut())?;
     }
     let mut trajectory = runner.trajectory();
     let mut poses = Vec::new();

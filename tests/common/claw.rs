@@ -66,8 +66,12 @@ impl Claw {
 
     /// Sends the fingers back to the open pose.
     pub fn open(&mut self) {
-        let open = self.open.clone();
-        self.sim.ctrl_mut().copy_from_slice(&open);
+        self.open_by(1.0);
+    }
+
+    /// Sends the fingers back by so much of the way to the open pose.
+    pub fn open_by(&mut self, part: f64) {
+        self.close(1.0 - part);
     }
 
     pub fn step(&mut self) {
