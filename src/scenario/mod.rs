@@ -5,10 +5,13 @@
 //! (where)  (TOML)  (names) (steps)    (samples)    (one run)  (both modes)
 //! ```
 pub mod actuator;
+pub mod agree;
 pub mod bench;
 pub mod builtin;
+pub mod checkpoint;
 pub mod compare;
 pub mod control;
+pub mod draw;
 pub mod error;
 pub mod file;
 pub mod measure;
@@ -19,6 +22,7 @@ pub mod plan;
 pub mod run;
 pub mod runner;
 pub mod source;
+pub mod tally;
 pub mod tracker;
 pub mod trajectory;
 

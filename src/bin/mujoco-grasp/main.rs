@@ -1,6 +1,7 @@
 //! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See design/contract.md for what scripts rely on.
 #![forbid(unsafe_code)]
 
+mod agree;
 mod bench;
 mod list;
 mod output;
@@ -8,6 +9,7 @@ mod pictures;
 mod progress;
 mod quality;
 mod run;
+mod scatters;
 
 use std::process::ExitCode;
 
@@ -36,6 +38,8 @@ enum Command {
     Run(run::Args),
     /// Times the holding phase.
     Bench(bench::Args),
+    /// Random pushes: do both modes tell the same story?
+    Agree(agree::Args),
     /// Grasp quality when measuring starts.
     Quality(quality::Args),
 }
@@ -50,6 +54,7 @@ fn main() -> ExitCode {
         Command::List => list::list(output),
         Command::Run(args) => run::run(args, output),
         Command::Bench(args) => bench::bench(args, output),
+        Command::Agree(args) => agree::agree(args, output),
         Command::Quality(args) => quality::quality(args, output),
     };
     result.unwrap_or_else(|error| output.fail(&error))
