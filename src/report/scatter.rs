@@ -140,8 +140,10 @@ impl Scatter {
             }
             let style = color(i).stroke_width(canvas.px(2.0).max(1) as u32);
             let shown = set.points.iter().zip(&set.names).filter(|(p, _)| self.shown(p));
-            chart.draw_series(shown.map(|(&point, name)| {
-                let beside = (canvas.px(8.0), -canvas.px(7.0));
+            chart.draw_series(shown.enumerate().map(|(k, (&point, name))| {
+                // To the right and to the left by turns, for those that lie close together.
+                let left = canvas.px(8.0 + text_width(name, 13.0));
+                let beside = (if k % 2 == 0 { canvas.px(8.0) } else { -left }, -canvas.px(7.0));
                 EmptyElement::at(point)
                     + Cross::new((0, 0), canvas.px(5.0), style)
                     + Text::new(name.clone(), beside, canvas.font(13.0, INK))

@@ -3,6 +3,7 @@
 
 mod agree;
 mod bench;
+mod calibrate;
 mod list;
 mod output;
 mod pictures;
@@ -40,6 +41,8 @@ enum Command {
     Bench(bench::Args),
     /// Random pushes: do both modes tell the same story?
     Agree(agree::Args),
+    /// Finds both quality thresholds: latch_quality and release_quality.
+    Calibrate(calibrate::Args),
     /// Grasp quality when measuring starts.
     Quality(quality::Args),
 }
@@ -55,6 +58,7 @@ fn main() -> ExitCode {
         Command::Run(args) => run::run(args, output),
         Command::Bench(args) => bench::bench(args, output),
         Command::Agree(args) => agree::agree(args, output),
+        Command::Calibrate(args) => calibrate::calibrate(args, output),
         Command::Quality(args) => quality::quality(args, output),
     };
     result.unwrap_or_else(|error| output.fail(&error))

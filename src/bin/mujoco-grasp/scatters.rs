@@ -38,10 +38,13 @@ fn scatter(scenario: &str, trials: &[Trial], what: &str, value: fn(&Ending) -> O
         sets.push(PointSet { label, points: alike.map(point).collect(), names: Vec::new() });
     }
     for full in OUTCOMES.map(Some).into_iter().chain([None]) {
-        let differ: Vec<&Trial> = trials.iter().filter(|t| !t.compare.same_outcome && t.full.outcome == full).collect();
+        let mut differ: Vec<&Trial> =
+            trials.iter().filter(|t| !t.compare.same_outcome && t.full.outcome == full).collect();
         if differ.is_empty() {
             continue;
         }
+        // Neighbours have their names on different sides.
+        differ.sort_by(|a, b| shown(&a.grasp).total_cmp(&shown(&b.grasp)));
         sets.push(PointSet {
             label: format!("{} in full, not in grasp: trial", full.map_or("failed", |o| outcome(Some(o)))),
             points: differ.iter().map(|t| point(t)).collect(),
@@ -51,8 +54,8 @@ fn scatter(scenario: &str, trials: &[Trial], what: &str, value: fn(&Ending) -> O
     let same = trials.iter().filter(|t| t.compare.same_outcome).count();
     Scatter {
         title: format!("{scenario}: {what} of the target, {same} of {} random pushes alike", trials.len()),
-        x_label: format!("full: {what} [mm]"),
-        y_label: format!("grasp: {what} [mm]"),
+        x_label: format!("full: {what} [mm], from {LEAST_MM} to 50"),
+        y_label: format!("grasp: {what} [mm], from {LEAST_MM} to 50"),
         sets,
         log: true,
     }
