@@ -4,14 +4,15 @@
 mod cli_common;
 
 use cli_common::{Called, call_in, data};
-use mujoco_grasp::scenario::agree::{Ground, Onset};
+use mujoco_grasp::scenario::agree::{Ground, Onset, Trial};
 use mujoco_grasp::scenario::checkpoint::Checkpoint;
+use mujoco_grasp::scenario::compare::compare;
 use mujoco_grasp::scenario::draw::directions;
 use mujoco_grasp::scenario::outcome::Outcome;
 use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::{Observer, Options, run};
 use mujoco_grasp::scenario::runner::Mode;
-use mujoco_grasp::scenario::tally::write_trials;
+use mujoco_grasp::scenario::tally::{Tally, write_trials};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde_json::Value;
@@ -183,23 +184,29 @@ fn a_push_from_a_saved_state_is_that_of_a_whole_run() {
 }
 
 #[test]
-fn a_simulation_that_fails_leaves_its_cause() {
+fn a_simulation_that_fails_counts_with_its_cause_and_harms_no_other() {
     let plan = Plan::load(&data("claw.toml")).unwrap();
     let push = Push { force: Vector3::new(1e12, 0.0, 0.0), ..plan.pushes[0].clone() };
-    for mode in [Mode::Full, Mode::Grasp] {
-        let start = Checkpoint::new(&plan, mode, &push, Options::default()).unwrap();
-        let pushed = start.push(&push);
-        match &pushed.error {
-            Some(error) => {
-                assert!(error.contains(mode.name()) && error.contains(" s: "), "{error}");
-                assert_eq!(pushed.summary.outcome, None);
-            }
-            // A step is enough to be 5 cm away, and lost.
-            None => assert_eq!(pushed.summary.outcome, Some(Outcome::Lost)),
-        }
-        assert!(!start.holds(&push));
-        assert!(start.holds(&push.scaled(1e-13)), "the saved state has not suffered");
+    let small = push.scaled(1e-13);
+    let start = [Mode::Full, Mode::Grasp].map(|m| Checkpoint::new(&plan, m, &push, Options::default()).unwrap());
+    let trial = |number: u64, push: &Push| {
+        let [full, grasp] = [start[0].push(push), start[1].push(push)];
+        let compare = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), 2.5);
+        let (full, grasp, push) = (full.ending(), grasp.ending(), push.clone());
+        Trial { trial: number, direction: 0, share: 1.0, push, full, grasp, compare }
+    };
+    let trials = [trial(0, &push), trial(1, &small)];
+    for (mode, ending) in [("full", &trials[0].full), ("grasp", &trials[0].grasp)] {
+        let error = ending.error.as_ref().expect("1e12 N cannot be simulated");
+        assert!(error.contains(mode) && error.contains("diverged"), "{error}");
+        assert!(ending.outcome.is_none());
     }
+    assert!(!start[0].holds(&push) && start[0].holds(&small), "the saved state has not suffered");
+    let tally = serde_json::to_value(Tally::new(&[], &trials)).unwrap();
+    assert_eq!((&tally["trials"], &tally["same_outcome"], &tally["failed"]), (&2.into(), &1.into(), &1.into()));
+    assert_eq!(tally["held"]["count"], 1);
+    let d = &tally["disagreements"][0];
+    assert!(d["full"].is_null() && d["grasp"].is_null() && d["error"].as_str().unwrap().contains("diverged"), "{d}");
 }
 
 #[test]

@@ -23,10 +23,10 @@ pub struct Args {
     /// A built-in scenario's name, or the path of a scenario file.
     scenario: String,
     /// Random pushes.
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 300, allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     trials: u64,
     /// The same seed draws the same pushes.
-    #[arg(long, value_name = "S", default_value_t = 0)]
+    #[arg(long, value_name = "S", default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// Folder for tables and pictures [default: out/NAME]
     #[arg(long)]
@@ -96,15 +96,17 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
 fn text(report: &Report<'_>, out: &Path) -> String {
     let t = &report.tally;
     let percent = |x: Option<f64>| number(x, 100.0, 2) + " %";
-    let row = |cells: [String; 5]| cells.to_vec();
-    let head = ["full mode", "trials", "alike", "error, median", "90 % below"].map(str::to_owned).to_vec();
+    let millimetres = |x: Option<f64>| number(x, 1e3, 4) + " mm";
+    let row = |cells: [String; 6]| cells.to_vec();
+    let head = ["full mode", "trials", "alike", "differ by, median", "error, median", "90 % below"];
     let none = String::new;
     let rows = [
-        head,
+        head.map(str::to_owned).to_vec(),
         row([
             "held".into(),
             t.held.count.to_string(),
             t.held.same_outcome.to_string(),
+            millimetres(t.held.median_position_rmse_m),
             percent(t.held.median_relative_error),
             percent(t.held.p90_relative_error),
         ]),
@@ -112,11 +114,12 @@ fn text(report: &Report<'_>, out: &Path) -> String {
             "slid".into(),
             t.slid.count.to_string(),
             t.slid.same_outcome.to_string(),
+            millimetres(t.slid.median_final_offset_difference_m),
             percent(t.slid.median_final_offset_relative_error),
             none(),
         ]),
-        row(["lost".into(), t.lost.count.to_string(), t.lost.same_outcome.to_string(), none(), none()]),
-        row(["all".into(), t.trials.to_string(), t.same_outcome.to_string(), none(), none()]),
+        row(["lost".into(), t.lost.count.to_string(), t.lost.same_outcome.to_string(), none(), none(), none()]),
+        row(["all".into(), t.trials.to_string(), t.same_outcome.to_string(), none(), none(), none()]),
     ];
     let mut text = format!(
         "{}: {} random pushes from {} s on, seed {}, MuJoCo {}\n\n{}",
@@ -127,7 +130,9 @@ fn text(report: &Report<'_>, out: &Path) -> String {
         report.engine,
         table(&rows)
     );
-    text.push_str("error: of the motion over its peak (held), of the final offset (slid); none below 0.1 mm\n");
+    text.push_str(
+        "of the motion, error over its peak (held); of the final offset (slid); below 0.1 mm there is no error\n",
+    );
     let both = t.onsets.iter().filter(|o| o.full.is_some() && o.grasp.is_some()).count();
     text.push_str(&format!(
         "\nonset: differs by {} (median of {both} of {} directions)\n",
