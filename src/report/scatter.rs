@@ -142,7 +142,7 @@ impl Scatter {
             let shown = set.points.iter().zip(&set.names).filter(|(p, _)| self.shown(p));
             chart.draw_series(shown.enumerate().map(|(k, (&point, name))| {
                 // To the right and to the left by turns, for those that lie close together.
-                let left = canvas.px(8.0 + text_width(name, 13.0));
+                let left = canvas.px(12.0 + text_width(name, 13.0));
                 let beside = (if k % 2 == 0 { canvas.px(8.0) } else { -left }, -canvas.px(7.0));
                 EmptyElement::at(point)
                     + Cross::new((0, 0), canvas.px(5.0), style)
@@ -171,7 +171,7 @@ impl Figure for Scatter {
     }
 
     fn check(&self) -> Result<(), ReportError> {
-        for set in self.sets.iter().filter(|s| !s.names.is_empty() && s.names.len() != s.points.len()) {
+        if let Some(set) = self.sets.iter().find(|s| !s.names.is_empty() && s.names.len() != s.points.len()) {
             let (found, expected) = (set.names.len(), set.points.len());
             let (series, field) = (set.label.clone(), "names");
             return Err(ReportError::Length { figure: FIGURE, series, field, found, expected });

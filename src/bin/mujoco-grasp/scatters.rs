@@ -14,9 +14,12 @@ use crate::run::outcome;
 const LEAST_MM: f64 = 0.01;
 const OUTCOMES: [Outcome; 3] = [Outcome::Held, Outcome::Slid, Outcome::Lost];
 
+/// The quantity \[m\] that a figure shows.
+type Value = fn(&Ending) -> Option<f64>;
+
 /// Writes `agree-peak.svg` and `agree-final.svg`. Results are there without pictures: what fails is said and left out.
 pub fn save(scenario: &str, trials: &[Trial], out: &Path) {
-    let figures: [(&str, &str, fn(&Ending) -> Option<f64>); 2] = [
+    let figures: [(&str, &str, Value); 2] = [
         ("agree-peak.svg", "peak motion", |e| e.peak_motion_m),
         ("agree-final.svg", "final offset", |e| e.final_offset_m),
     ];
@@ -27,7 +30,7 @@ pub fn save(scenario: &str, trials: &[Trial], out: &Path) {
     }
 }
 
-fn scatter(scenario: &str, trials: &[Trial], what: &str, value: fn(&Ending) -> Option<f64>) -> Scatter {
+fn scatter(scenario: &str, trials: &[Trial], what: &str, value: Value) -> Scatter {
     // What is lost has fallen somewhere; how far says nothing. What failed has no place, and the figure says how many.
     let shown = |e: &Ending| value(e).map_or(f64::NAN, |m| (m.min(LOSS_DISTANCE) * 1e3).max(LEAST_MM));
     let point = |t: &Trial| (shown(&t.full), shown(&t.grasp));
