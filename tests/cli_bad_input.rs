@@ -29,7 +29,7 @@ fn refused(folder: &Path, args: &[&str], parts: &[&str]) {
 #[track_caller]
 fn refused_claw(model: &[(&str, &str)], scenario: &[(&str, &str)], parts: &[&str]) {
     let (folder, path) = changed_claw(model, scenario);
-    for command in ["run", "quality", "bench"] {
+    for command in ["run", "quality", "bench", "agree", "calibrate"] {
         refused(folder.path(), &[command, path.to_str().unwrap()], parts);
     }
 }

@@ -191,7 +191,7 @@ fn scatter(log: bool, points: Vec<(f64, f64)>) -> Scatter {
         title: "peak motion".to_owned(),
         x_label: "full [mm]".to_owned(),
         y_label: "grasp [mm]".to_owned(),
-        sets: vec![PointSet { label: "held".to_owned(), points }],
+        sets: vec![PointSet { label: "held".to_owned(), points, names: Vec::new() }],
         log,
     }
 }

@@ -14,7 +14,7 @@ pub enum ReportError {
     Empty { figure: &'static str, missing: String },
     /// Two columns that belong together differ in length.
     #[error(
-        "{figure}: `{series}` has {found} values of {field}, but {expected} times; give one value for each time, or none at all"
+        "{figure}: `{series}` has {found} values of {field}, but {expected} are needed; give one for each point, or none at all"
     )]
     Length { figure: &'static str, series: String, field: &'static str, found: usize, expected: usize },
     /// A number that must be finite (or positive) is not.

@@ -12,6 +12,7 @@ pub(crate) enum Sample {
     Line(Pen),
     Area(RGBColor),
     Dot(RGBColor),
+    Cross(RGBColor),
 }
 
 /// Draws the entries from top to bottom, with less space between them where they are many.
@@ -42,6 +43,10 @@ pub(crate) fn draw<B: DrawingBackend>(canvas: &Canvas<B>, entries: &[(Sample, St
                 let half = canvas.px(0.3 * line);
                 let corners = [(left, middle - half), (right, middle + half)];
                 canvas.area.draw(&Rectangle::new(corners, color.filled()))?;
+            }
+            Sample::Cross(color) => {
+                let stroke = color.stroke_width(canvas.px(2.0).max(1) as u32);
+                canvas.area.draw(&Cross::new(((left + right) / 2, middle), canvas.px(5.0), stroke))?;
             }
             Sample::Dot(color) => {
                 let centre = ((left + right) / 2, middle);

@@ -18,6 +18,8 @@ pub struct PointSet {
     pub label: String,
     /// x and y of each point, in the axes' unit.
     pub points: Vec<(f64, f64)>,
+    /// One for each point, written beside it, or none at all. Points with names are drawn as crosses: they are to be found.
+    pub names: Vec<String>,
 }
 
 /// A scatter plot with the identity line: x from full mode, y from grasp mode. Both axes have the same range.
@@ -85,7 +87,8 @@ impl Scatter {
         let mut entries: Vec<_> = (self.sets.iter().enumerate())
             .map(|(i, set)| {
                 let shown = set.points.iter().filter(|p| self.shown(p)).count();
-                (Sample::Dot(color(i)), format!("{} ({shown})", set.label))
+                let sample = if set.names.is_empty() { Sample::Dot(color(i)) } else { Sample::Cross(color(i)) };
+                (sample, format!("{} ({shown})", set.label))
             })
             .collect();
         let pen = super::panel::Pen { color: GREY, width: 1.2, dashed: true };
@@ -129,9 +132,22 @@ impl Scatter {
         let identity = [(low, low), (high, high)];
         chart.draw_series(DashedLineSeries::new(identity, canvas.px(6.0), canvas.px(4.0), stroke))?;
         for (i, set) in self.sets.iter().enumerate() {
-            let style = color(i).mix(0.75).filled();
-            let shown = set.points.iter().filter(|p| self.shown(p));
-            chart.draw_series(shown.map(|&point| Circle::new(point, canvas.px(4.0), style)))?;
+            if set.names.is_empty() {
+                let style = color(i).mix(0.75).filled();
+                let shown = set.points.iter().filter(|p| self.shown(p));
+                chart.draw_series(shown.map(|&point| Circle::new(point, canvas.px(4.0), style)))?;
+                continue;
+            }
+            let style = color(i).stroke_width(canvas.px(2.0).max(1) as u32);
+            let shown = set.points.iter().zip(&set.names).filter(|(p, _)| self.shown(p));
+            chart.draw_series(shown.enumerate().map(|(k, (&point, name))| {
+                // To the right and to the left by turns, for those that lie close together.
+                let left = canvas.px(12.0 + text_width(name, 13.0));
+                let beside = (if k % 2 == 0 { canvas.px(8.0) } else { -left }, -canvas.px(7.0));
+                EmptyElement::at(point)
+                    + Cross::new((0, 0), canvas.px(5.0), style)
+                    + Text::new(name.clone(), beside, canvas.font(13.0, INK))
+            }))?;
         }
         Ok(())
     }
@@ -155,6 +171,11 @@ impl Figure for Scatter {
     }
 
     fn check(&self) -> Result<(), ReportError> {
+        if let Some(set) = self.sets.iter().find(|s| !s.names.is_empty() && s.names.len() != s.points.len()) {
+            let (found, expected) = (set.names.len(), set.points.len());
+            let (series, field) = (set.label.clone(), "names");
+            return Err(ReportError::Length { figure: FIGURE, series, field, found, expected });
+        }
         let missing = match self.log {
             true => "no point has two positive finite coordinates (logarithmic axes show no others)",
             false => "no point has two finite coordinates",

@@ -5,10 +5,14 @@
 //! (where)  (TOML)  (names) (steps)    (samples)    (one run)  (both modes)
 //! ```
 pub mod actuator;
+pub mod agree;
 pub mod bench;
 pub mod builtin;
+pub mod calibrate;
+pub mod checkpoint;
 pub mod compare;
 pub mod control;
+pub mod draw;
 pub mod error;
 pub mod file;
 pub mod measure;
@@ -16,9 +20,11 @@ pub mod onset;
 pub mod outcome;
 mod pin;
 pub mod plan;
+pub mod press;
 pub mod run;
 pub mod runner;
 pub mod source;
+pub mod tally;
 pub mod tracker;
 pub mod trajectory;
 

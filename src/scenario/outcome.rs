@@ -162,3 +162,12 @@ pub fn median(mut values: Vec<f64>) -> Option<f64> {
         _ => Some(0.5 * (values[n / 2 - 1] + values[n / 2])),
     }
 }
+
+/// The value below which a `share` of the values lies, linear between neighbours. `None` of nothing.
+pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    let at = share.clamp(0.0, 1.0) * last as f64;
+    let (below, above) = (values[at.floor() as usize], values[at.ceil() as usize]);
+    Some(below + (above - below) * at.fract())
+}

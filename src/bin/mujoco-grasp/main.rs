@@ -1,13 +1,16 @@
 //! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See design/contract.md for what scripts rely on.
 #![forbid(unsafe_code)]
 
+mod agree;
 mod bench;
+mod calibrate;
 mod list;
 mod output;
 mod pictures;
 mod progress;
 mod quality;
 mod run;
+mod scatters;
 
 use std::process::ExitCode;
 
@@ -36,6 +39,10 @@ enum Command {
     Run(run::Args),
     /// Times the holding phase.
     Bench(bench::Args),
+    /// Random pushes: do both modes tell the same story?
+    Agree(agree::Args),
+    /// Finds both quality thresholds: latch_quality and release_quality.
+    Calibrate(calibrate::Args),
     /// Grasp quality when measuring starts.
     Quality(quality::Args),
 }
@@ -50,6 +57,8 @@ fn main() -> ExitCode {
         Command::List => list::list(output),
         Command::Run(args) => run::run(args, output),
         Command::Bench(args) => bench::bench(args, output),
+        Command::Agree(args) => agree::agree(args, output),
+        Command::Calibrate(args) => calibrate::calibrate(args, output),
         Command::Quality(args) => quality::quality(args, output),
     };
     result.unwrap_or_else(|error| output.fail(&error))

@@ -255,7 +255,8 @@ fn text(report: &Report<'_>, out: &std::path::Path) -> String {
     text
 }
 
-fn outcome(outcome: Option<Outcome>) -> &'static str {
+/// In tables; "-" for a run that failed.
+pub fn outcome(outcome: Option<Outcome>) -> &'static str {
     match outcome {
         Some(Outcome::Held) => "held",
         Some(Outcome::Slid) => "slid",

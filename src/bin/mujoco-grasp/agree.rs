@@ -1,0 +1,171 @@
+//! `mujoco-grasp agree`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context;
+use mujoco_grasp::mujoco;
+use mujoco_grasp::scenario::agree::{Ground, TRIALS_PER_ONSET};
+use mujoco_grasp::scenario::draw::directions;
+use mujoco_grasp::scenario::plan::Plan;
+use mujoco_grasp::scenario::run::Options;
+use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
+use serde::Serialize;
+
+use crate::output::{Output, complain, number, table};
+use crate::progress::Progress;
+use crate::run::LimitsArg;
+use crate::scatters;
+
+/// `agree SCENARIO`
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A built-in scenario's name, or the path of a scenario file.
+    scenario: String,
+    /// Random pushes.
+    #[arg(long, value_name = "N", default_value_t = 300, allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    trials: u64,
+    /// The same seed draws the same pushes.
+    #[arg(long, value_name = "S", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+    /// Folder for tables and pictures [default: out/NAME]
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Bounds every grasp in this way, whatever the scenario says.
+    #[arg(long, value_enum)]
+    limits: Option<LimitsArg>,
+    /// Noslip iterations of full mode, instead of the model's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
+    noslip: Option<u16>,
+    /// Draws no pictures.
+    #[arg(long)]
+    no_pictures: bool,
+}
+
+/// The JSON object of `agree`.
+#[derive(Serialize)]
+struct Report<'a> {
+    scenario: &'a str,
+    engine: String,
+    seed: u64,
+    /// Every push starts then.
+    push_start_s: f64,
+    /// Every run ends then.
+    end_s: f64,
+    /// The grasp is latched when the push starts.
+    latched: bool,
+    #[serde(flatten)]
+    tally: Tally,
+}
+
+/// Random pushes in both modes.
+pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
+    let plan = Plan::load_with(&args.scenario, args.limits.map(LimitsArg::limits))?;
+    let ground = Ground::new(&plan, Options { noslip: args.noslip.map(usize::from) })?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    if !ground.is_latched() {
+        complain("warning", "the grasp is not latched when the push starts: both modes are the same simulation");
+    }
+
+    let progress = Progress::new(directions().len() as u64 * TRIALS_PER_ONSET + args.trials, "pushing");
+    let onsets = ground.onsets(&|| progress.advance(TRIALS_PER_ONSET));
+    // Kept whatever comes.
+    write_onsets(&onsets, &out.join("agree-onsets.csv"))?;
+    let trials = ground.trials(&onsets, args.trials, args.seed, &|| progress.advance(1));
+    progress.finish();
+    write_trials(&onsets, &trials, &out.join("agree-trials.csv"))?;
+    if trials.is_empty() {
+        complain(
+            "warning",
+            "no trials: full mode has no onset in any direction (it holds, or does not, whatever the push)",
+        );
+    }
+
+    let (push_start_s, end_s) = ground.times();
+    let (engine, latched) = (mujoco::mujoco_version(), ground.is_latched());
+    let tally = Tally::new(&onsets, &trials);
+    let report = Report { scenario: &plan.name, engine, seed: args.seed, push_start_s, end_s, latched, tally };
+    output.write(&report, || text(&report, &out))?;
+    if !args.no_pictures && !trials.is_empty() {
+        scatters::save(&plan.name, &trials, &out);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn text(report: &Report<'_>, out: &Path) -> String {
+    let t = &report.tally;
+    let percent = |x: Option<f64>| number(x, 100.0, 2) + " %";
+    let millimetres = |x: Option<f64>| number(x, 1e3, 4) + " mm";
+    let row = |cells: [String; 6]| cells.to_vec();
+    let head = ["full mode", "trials", "alike", "differ by, median", "error, median", "90 % below"];
+    let none = String::new;
+    let rows = [
+        head.map(str::to_owned).to_vec(),
+        row([
+            "held".into(),
+            t.held.count.to_string(),
+            t.held.same_outcome.to_string(),
+            millimetres(t.held.median_position_rmse_m),
+            percent(t.held.median_relative_error),
+            percent(t.held.p90_relative_error),
+        ]),
+        row([
+            "slid".into(),
+            t.slid.count.to_string(),
+            t.slid.same_outcome.to_string(),
+            millimetres(t.slid.median_final_offset_difference_m),
+            percent(t.slid.median_final_offset_relative_error),
+            none(),
+        ]),
+        row(["lost".into(), t.lost.count.to_string(), t.lost.same_outcome.to_string(), none(), none(), none()]),
+        row(["all".into(), t.trials.to_string(), t.same_outcome.to_string(), none(), none(), none()]),
+    ];
+    let mut text = format!(
+        "{}: {} random pushes from {} s on, seed {}, MuJoCo {}\n\n{}",
+        report.scenario,
+        t.trials,
+        report.push_start_s,
+        report.seed,
+        report.engine,
+        table(&rows)
+    );
+    text.push_str(
+        "of the motion, error over its peak (held); of the final offset (slid); below 0.1 mm there is no error\n",
+    );
+    let both = t.onsets.iter().filter(|o| o.full.is_some() && o.grasp.is_some()).count();
+    text.push_str(&format!(
+        "\nonset: differs by {} (median of {both} of {} directions)\n",
+        percent(t.onset_relative_error_median),
+        t.onsets.len()
+    ));
+    if t.failed > 0 {
+        text.push_str(&format!("simulations that failed: {} (see the disagreements)\n", t.failed));
+    }
+    if !t.disagreements.is_empty() {
+        text.push_str(&format!("\n{}", disagreements(t)));
+    }
+    text.push_str(&format!("\nwritten to {}\n", out.display()));
+    text
+}
+
+fn disagreements(tally: &Tally) -> String {
+    let vector = |v: &[f64; 3]| format!("({:.3}, {:.3}, {:.3})", v[0], v[1], v[2]);
+    let heads = ["trial", "force N", "torque N m", "for s", "of onset", "full", "mm", "grasp", "mm", "error"];
+    let mut rows = vec![heads.map(str::to_owned).to_vec()];
+    for d in &tally.disagreements {
+        rows.push(vec![
+            d.trial.to_string(),
+            vector(&d.force_n),
+            vector(&d.torque_nm),
+            format!("{:.3}", d.duration_s),
+            format!("{:.3}", d.size_over_onset),
+            crate::run::outcome(d.full.outcome).to_owned(),
+            number(d.full_final_offset_m, 1e3, 2),
+            crate::run::outcome(d.grasp.outcome).to_owned(),
+            number(d.grasp_final_offset_m, 1e3, 2),
+            d.error.clone().unwrap_or_default(),
+        ]);
+    }
+    format!("disagreements\n{}", table(&rows))
+}

@@ -1,0 +1,65 @@
+//! Pictures of `agree`: each trial's motion in grasp mode against full mode. Disagreements bear their trial's number.
+
+use std::path::Path;
+
+use mujoco_grasp::report::{PointSet, Scatter};
+use mujoco_grasp::scenario::agree::Trial;
+use mujoco_grasp::scenario::checkpoint::Ending;
+use mujoco_grasp::scenario::outcome::{LOSS_DISTANCE, Outcome};
+
+use crate::output::complain;
+use crate::run::outcome;
+
+/// Motions below this are drawn there: they are nothing that either mode could be held to \[mm\].
+const LEAST_MM: f64 = 0.01;
+const OUTCOMES: [Outcome; 3] = [Outcome::Held, Outcome::Slid, Outcome::Lost];
+
+/// The quantity \[m\] that a figure shows.
+type Value = fn(&Ending) -> Option<f64>;
+
+/// Writes `agree-peak.svg` and `agree-final.svg`. Results are there without pictures: what fails is said and left out.
+pub fn save(scenario: &str, trials: &[Trial], out: &Path) {
+    let figures: [(&str, &str, Value); 2] = [
+        ("agree-peak.svg", "peak motion", |e| e.peak_motion_m),
+        ("agree-final.svg", "final offset", |e| e.final_offset_m),
+    ];
+    for (file, what, value) in figures {
+        if let Err(e) = scatter(scenario, trials, what, value).save(out.join(file)) {
+            complain("warning", &format!("no {file}: {e}"));
+        }
+    }
+}
+
+fn scatter(scenario: &str, trials: &[Trial], what: &str, value: Value) -> Scatter {
+    // What is lost has fallen somewhere; how far says nothing. What failed has no place, and the figure says how many.
+    let shown = |e: &Ending| value(e).map_or(f64::NAN, |m| (m.min(LOSS_DISTANCE) * 1e3).max(LEAST_MM));
+    let point = |t: &Trial| (shown(&t.full), shown(&t.grasp));
+    let mut sets = Vec::new();
+    for kind in OUTCOMES {
+        let alike = trials.iter().filter(|t| t.compare.same_outcome && t.full.outcome == Some(kind));
+        let label = format!("{} in both", outcome(Some(kind)));
+        sets.push(PointSet { label, points: alike.map(point).collect(), names: Vec::new() });
+    }
+    for full in OUTCOMES.map(Some).into_iter().chain([None]) {
+        let mut differ: Vec<&Trial> =
+            trials.iter().filter(|t| !t.compare.same_outcome && t.full.outcome == full).collect();
+        if differ.is_empty() {
+            continue;
+        }
+        // Neighbours have their names on different sides.
+        differ.sort_by(|a, b| shown(&a.grasp).total_cmp(&shown(&b.grasp)));
+        sets.push(PointSet {
+            label: format!("{} in full, not in grasp: trial", full.map_or("failed", |o| outcome(Some(o)))),
+            points: differ.iter().map(|t| point(t)).collect(),
+            names: differ.iter().map(|t| t.trial.to_string()).collect(),
+        });
+    }
+    let same = trials.iter().filter(|t| t.compare.same_outcome).count();
+    Scatter {
+        title: format!("{scenario}: {what} of the target, {same} of {} random pushes alike", trials.len()),
+        x_label: format!("full: {what} [mm], from {LEAST_MM} to 50"),
+        y_label: format!("grasp: {what} [mm], from {LEAST_MM} to 50"),
+        sets,
+        log: true,
+    }
+}

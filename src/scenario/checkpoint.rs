@@ -1,0 +1,144 @@
+//! A scenario just before its push, from where each of many pushes goes on as if it had been simulated from the start.
+//!
+//! The copy is of everything, engine and controllers: contacts, forces, warm start, and what the grasp remembers. What was
+//! recorded from `measure_from` on is kept too, so that outcomes and comparisons are those of a whole run.
+
+use serde::Serialize;
+
+use super::error::Error;
+use super::outcome::{LOSS_DISTANCE, Motion, Outcome, Summary, summarize};
+use super::plan::{Plan, Push};
+use super::run::Options;
+use super::runner::{Mode, Runner};
+use super::trajectory::Trajectory;
+use crate::grasp::Phase;
+
+/// A simulation at the start of a push.
+#[derive(Clone, Debug)]
+pub struct Checkpoint {
+    runner: Runner,
+    /// From `measure_from` until now.
+    recorded: Trajectory,
+    measure_from: f64,
+}
+
+/// What became of one push.
+#[derive(Clone, Debug)]
+pub struct Pushed {
+    /// From `measure_from` to the end, or until the target had moved 5 cm and was lost for certain.
+    pub trajectory: Trajectory,
+    /// Its numbers; no outcome if the simulation failed.
+    pub summary: Summary,
+    /// Why it failed.
+    pub error: Option<String>,
+}
+
+/// How one run of a trial ended.
+#[derive(Clone, Debug, Serialize)]
+pub struct Ending {
+    /// `None` if the simulation failed.
+    pub outcome: Option<Outcome>,
+    /// \[m\]
+    pub peak_motion_m: Option<f64>,
+    /// Of a lost target where it was when it was lost \[m\].
+    pub final_offset_m: Option<f64>,
+    /// \[s\]
+    pub slip_onset_s: Option<f64>,
+    /// Why the simulation failed.
+    pub error: Option<String>,
+}
+
+impl Checkpoint {
+    /// Simulates `plan` without any push until `push` would start.
+    ///
+    /// # Errors
+    /// A scenario that cannot be set up or run so far.
+    pub fn new(plan: &Plan, mode: Mode, push: &Push, options: Options) -> Result<Self, Error> {
+        // The run is about the grasp whose target is pushed.
+        let mut runner = Runner::new(plan, mode, Some(push))?;
+        runner.set_push(None);
+        if let (Mode::Full, Some(noslip)) = (mode, options.noslip) {
+            runner.sim_mut().set_noslip_iterations(noslip)?;
+        }
+        let failed = |time: f64, source| {
+            let what = format!("{} mode, before the push", mode.name());
+            Error::Step { what, time, source }
+        };
+        let measure_from = plan.timeline.measure_from();
+        runner.advance_to(measure_from).map_err(|source| failed(runner.time(), source))?;
+        let mut recorded = runner.trajectory();
+        let half = 0.5 * plan.model.timestep();
+        while runner.time() < push.start - half {
+            let time = runner.time();
+            let sample = runner.step().map_err(|source| failed(time, source))?;
+            recorded.push(sample, runner.normal_forces());
+        }
+        Ok(Self { runner, recorded, measure_from })
+    }
+
+    /// The simulation as it is.
+    pub fn runner(&self) -> &Runner {
+        &self.runner
+    }
+
+    /// Whether the grasp is latched.
+    pub fn is_latched(&self) -> bool {
+        self.runner.grasp().phase() == Phase::Grasped
+    }
+
+    /// Goes on from here with `push` to the end of the scenario.
+    pub fn push(&self, push: &Push) -> Pushed {
+        let mut runner = self.runner.clone();
+        runner.set_push(Some(push));
+        let mut trajectory = self.recorded.clone();
+        let mut error = None;
+        while !runner.is_over() {
+            let time = runner.time();
+            match runner.step() {
+                Ok(sample) => trajectory.push(sample, runner.normal_forces()),
+                Err(e) => {
+                    error = Some(format!("{} mode, at {time:.3} s: {e}", runner.mode().name()));
+                    break;
+                }
+            }
+            if moved_away(&trajectory) {
+                break;
+            }
+        }
+        let mut summary = summarize(&trajectory, self.measure_from, Some(push.end));
+        if error.is_some() {
+            // How it would have ended is not known.
+            summary.outcome = None;
+            summary.final_offset_m = None;
+            summary.creep_m_per_s = None;
+        }
+        Pushed { trajectory, summary, error }
+    }
+
+    /// Whether `push` is held. A simulation that fails under it holds nothing.
+    pub fn holds(&self, push: &Push) -> bool {
+        self.push(push).summary.outcome == Some(Outcome::Held)
+    }
+}
+
+impl Pushed {
+    /// In short.
+    pub fn ending(&self) -> Ending {
+        let s = &self.summary;
+        Ending {
+            outcome: s.outcome,
+            peak_motion_m: s.peak_motion_m,
+            final_offset_m: s.final_offset_m,
+            slip_onset_s: s.slip_onset_s,
+            error: self.error.clone(),
+        }
+    }
+}
+
+/// Whether the target has moved so far that it is lost whatever follows.
+fn moved_away(trajectory: &Trajectory) -> bool {
+    match trajectory.samples() {
+        [start, .., now] => Motion::between(start, now).offset.norm() >= LOSS_DISTANCE,
+        _ => false,
+    }
+}
