@@ -105,7 +105,7 @@ impl Ground {
         plan.timeline.duration = plan.timeline.duration.max(push.start + DURATIONS.1 + SETTLING);
         let (full, grasp) = rayon::join(
             || Checkpoint::new(&plan, Mode::Full, &push, options),
-            || Checkpoint::new(&plan, Mode::Grasp, &push, Options::default()),
+            || Checkpoint::new(&plan, Mode::Grasp, &push, options),
         );
         let start = Start { full: full?, grasp: grasp? };
         let guess = guess(start.full.runner());

@@ -57,9 +57,7 @@ impl Checkpoint {
         // The run is about the grasp whose target is pushed.
         let mut runner = Runner::new(plan, mode, Some(push))?;
         runner.set_push(None);
-        if mode == Mode::Full {
-            options.set_noslip(runner.sim_mut())?;
-        }
+        options.set_noslip(runner.sim_mut())?;
         let failed = |time: f64, source| {
             let what = format!("{} mode, before the push", mode.name());
             Error::Step { what, time, source }

@@ -19,13 +19,13 @@ pub const POSES_PER_SECOND: f64 = 25.0;
 /// What to run, besides the scenario.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Iterations of MuJoCo's noslip solver in full mode, all of them made; `None`: as the MJCF has it, where they end
-    /// at a tolerance.
+    /// Iterations of MuJoCo's noslip solver, all of them made; `None`: as the MJCF has it, where they end at a tolerance. In
+    /// both modes, so that before the latch and after the release these are the same.
     pub noslip: Option<usize>,
 }
 
 impl Options {
-    /// Sets the noslip solver of the full solve.
+    /// Sets MuJoCo's noslip solver.
     ///
     /// # Errors
     /// What the engine reports.
@@ -158,9 +158,7 @@ pub fn run(
 ) -> Result<Run, Error> {
     const REPORT_EVERY: u64 = 100;
     let mut runner = Runner::new(plan, mode, push)?;
-    if mode == Mode::Full {
-        options.set_noslip(runner.sim_mut())?;
-    }
+    options.set_noslip(runner.sim_mut())?;
     let mut trajectory = runner.trajectory();
     let mut poses = Vec::new();
     let mut error = None;

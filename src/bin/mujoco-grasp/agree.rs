@@ -34,7 +34,7 @@ pub struct Args {
     /// Bounds every grasp in this way, whatever the scenario says.
     #[arg(long, value_enum)]
     limits: Option<LimitsArg>,
-    /// Noslip iterations of full mode, instead of the model's.
+    /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
     noslip: Option<u16>,
     /// Draws no pictures.
