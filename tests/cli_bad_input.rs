@@ -50,6 +50,7 @@ fn bad_usage() {
     refused(folder.path(), &["run", claw, "--push", "sideways"], &["claw.toml", "push", "\"sideways\"", "\"along\""]);
     refused(folder.path(), &["run", claw, "--scale-push", "nan"], &["--scale-push", "finite"]);
     refused(folder.path(), &["run", claw, "--at-onset", "inf"], &["--at-onset", "finite"]);
+    refused(folder.path(), &["run", claw, "--duration", "2"], &["--duration", "measure_from"]);
     refused(folder.path(), &["run", claw, "--noslip", "5000"], &["--noslip", "5000"]);
     refused(folder.path(), &["run", claw, "--frob"], &["--frob"]);
     refused(folder.path(), &["run"], &["SCENARIO"]);

@@ -173,6 +173,21 @@ impl Plan {
         }
     }
 
+    /// The same plan, `duration` seconds long.
+    ///
+    /// # Errors
+    /// A duration that does not reach beyond `measure_from` and the end of every push.
+    pub fn lasting(mut self, duration: f64) -> Result<Self, Error> {
+        let least = self.pushes.iter().map(|p| p.end).fold(self.timeline.measure_from(), f64::max);
+        if !(duration.is_finite() && duration > least) {
+            let (option, value) = ("--duration", duration.to_string());
+            let expected = "it must be a number of seconds beyond measure_from and the end of every push";
+            return Err(Error::Option { option, value, expected });
+        }
+        self.timeline.duration = duration;
+        Ok(self)
+    }
+
     /// The same plan with every push `factor` times as large.
     ///
     /// # Errors

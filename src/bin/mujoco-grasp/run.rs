@@ -45,6 +45,9 @@ pub struct Args {
     /// Scales each push to this share of the smallest that full mode does not hold (found by bisection).
     #[arg(long, value_name = "X", conflicts_with = "scale_push")]
     at_onset: Option<f64>,
+    /// Length of the simulation, instead of the scenario's [s].
+    #[arg(long, value_name = "SECONDS")]
+    duration: Option<f64>,
     /// Writes no plots and renders no frames.
     #[arg(long)]
     no_pictures: bool,
@@ -107,6 +110,9 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let options = Options { noslip: args.noslip.map(usize::from) };
     let limits = args.limits.map(LimitsArg::limits);
     let mut plan = Plan::load_with(&args.scenario, limits)?.scale_pushes(args.scale_push)?;
+    if let Some(duration) = args.duration {
+        plan = plan.lasting(duration)?;
+    }
     if let Some(share) = args.at_onset {
         plan = scale_to_onset(plan, share, &args.push, options)?;
     }
