@@ -10,13 +10,13 @@
 use super::bounds::Bounds;
 use super::cone::Zone;
 use super::contacts::GraspContact;
-use super::controller::Limits;
 use super::error::Error;
 use super::impedance::{Fingers, ROWS, for_each_dof, link_motion, motion, relative_rows, row_wrench};
 use super::impedance::{power, reference_point};
 use super::merged::Merged;
 use super::merged_law::{Law, Memory, normal_resistance};
 use super::softness::{SolverOptions, softness};
+use super::spec::Limits;
 use super::topology::Topology;
 use super::weld::{WELD_ROWS, regularise};
 use crate::mujoco::{BodyId, CompiledModel, Simulation};

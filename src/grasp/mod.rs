@@ -24,14 +24,16 @@ pub mod quality;
 mod quickhull;
 pub mod softness;
 pub mod solve;
+mod spec;
 mod step;
 pub mod topology;
 mod weld;
 pub mod wrench;
 
 pub use contacts::GraspContact;
-pub use controller::{DEFAULT_LATCH_TIME, Grasp, GraspSpec, Limits};
+pub use controller::Grasp;
 pub use error::Error;
 pub use phase::Phase;
+pub use spec::{DEFAULT_LATCH_TIME, GraspSpec, Limits};
 pub use step::{StageClock, engine_step_timed, step, step_timed};
 pub use weld::weld_xml;

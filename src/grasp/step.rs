@@ -3,10 +3,11 @@
 //! Contacts leave the engine's solve between its collision stage and its constraint making; the grasp is solved once
 //! the smooth accelerations are known, and its forces take part in the engine's solve of everything else.
 
-use super::controller::{Grasp, Limits};
+use super::controller::Grasp;
 use super::dense;
 use super::error::Error;
 use super::phase::Phase;
+use super::spec::Limits;
 use super::weld;
 use crate::mujoco::{ENABLE_ENERGY, Simulation};
 use std::time::{Duration, Instant};

@@ -3,8 +3,9 @@
 //! The weld is in the model for its six constraint rows only. It is switched on while the rows are made and off right
 //! after, so that nothing else ever sees it active; Jacobian, reference and regularisation are overwritten.
 
-use super::controller::{Grasp, Limits};
+use super::controller::Grasp;
 use super::error::Error;
+use super::spec::Limits;
 use super::topology::Topology;
 use crate::mujoco::{EqualityId, EqualityKind, JacobianStorage, Simulation};
 use nalgebra::{Matrix6, Vector6};
