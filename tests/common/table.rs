@@ -6,6 +6,9 @@ use super::hold::{Fidelity, NOSLIP, Scene, fidelity};
 /// A push that moves the target less than this says nothing \[m\].
 const VISIBLE: f64 = 5e-4;
 
+/// What the normal forces of one step may differ by from those of the engine's converged solve, relative.
+const ONE_STEP: f64 = 1e-6;
+
 /// Rows are printed as they are measured; what is beyond its bounds is told at the end.
 pub struct Table {
     faults: Vec<String>,
@@ -16,9 +19,9 @@ impl Table {
         println!("\n**{title}**\n");
         println!(
             "| variant | motion, mm | palm's, mm | contacts on a link | apart, mm | apart, deg | of the motion | normal \
-             forces |"
+             forces | in one step |"
         );
-        println!("|---|---:|---:|---:|---:|---:|---:|---:|");
+        println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|");
         Table { faults: Vec::new() }
     }
 
@@ -37,7 +40,7 @@ impl Table {
     /// A row that was measured elsewhere.
     pub fn add(&mut self, name: &str, found: Fidelity, (relative, forces): (f64, f64)) {
         println!(
-            "| {name} | {:.2} | {:.2} | {} | {:.4} | {:.3} | {:.4} | {:.4} |",
+            "| {name} | {:.2} | {:.2} | {} | {:.4} | {:.3} | {:.4} | {:.4} | {:.0e} |",
             found.peak * 1e3,
             found.palm_peak * 1e3,
             found.contacts,
@@ -45,6 +48,7 @@ impl Table {
             found.turned.to_degrees(),
             found.relative(),
             found.forces,
+            found.one_step,
         );
         // `!(<=)`: what is not a number is a fault
         let mut check = |what: &str, value: f64, bound: f64| {
@@ -54,6 +58,7 @@ impl Table {
         };
         check("relative error", found.relative(), relative);
         check("error of the normal forces", found.forces, forces);
+        check("difference of a normal force in one step", found.one_step, ONE_STEP);
         check("steps without a converged solve:", found.unsolved as f64, 0.0);
         if found.peak < VISIBLE {
             self.faults.push(format!("{name}: the push does nothing, {} m", found.peak));
