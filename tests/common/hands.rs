@@ -144,6 +144,11 @@ impl Hand {
         self
     }
 
+    pub fn on(mut self, mount: Mount) -> Hand {
+        self.mount = mount;
+        self
+    }
+
     /// The scene, to be pushed by `pushes`.
     pub fn scene(&self, pushes: [[f64; 3]; 2]) -> Scene {
         let fingers: String = self.fingers.iter().enumerate().map(|(k, f)| f.body(k)).collect();
