@@ -16,7 +16,7 @@ mod table;
 use hands::{BALL, BOX, DUMBBELL, Finger, Hand, Mount, Pad, claw, five, pinch};
 use hold::{Held, NOSLIP, Scene, compare, full};
 use mujoco_grasp::grasp::Phase;
-use table::Table;
+use table::{Bounds, Table};
 
 const ELLIPTIC: &str = r#"cone="elliptic""#;
 const PYRAMIDAL: &str = r#"cone="pyramidal""#;
@@ -32,10 +32,10 @@ fn short(cone: &str) -> &str {
 }
 
 /// What differs by less cannot be told from rounding and from where the engine's sweeps stop.
-const CLOSE: (f64, f64) = (0.002, 0.001);
+const CLOSE: Bounds = (0.002, 0.001);
 
 /// condim and cone of the claw's contacts, and the bounds at time steps of 0.5, 1, 2 and 4 ms.
-const CLAWS: [(usize, &str, [(f64, f64); 4]); 6] = [
+const CLAWS: [(usize, &str, [Bounds; 4]); 6] = [
     (3, ELLIPTIC, [CLOSE; 4]),
     (3, PYRAMIDAL, [CLOSE; 4]),
     (4, ELLIPTIC, [(0.008, 0.001), (0.009, 0.0013), (0.013, 0.002), (0.03, 0.004)]),
@@ -133,7 +133,7 @@ fn pairs(cone: &str) -> Scene {
 }
 
 /// Pad, contacts that it has, and bounds for condim 3, 4, 6, each with both cones.
-const PADS: [(Pad, usize, [[(f64, f64); 2]; 3]); 4] = [
+const PADS: [(Pad, usize, [[Bounds; 2]; 3]); 4] = [
     (Pad::Point, 1, [[CLOSE, CLOSE], [(0.004, 0.001), (0.0025, 0.001)], [(0.06, 0.028), (0.022, 0.008)]]),
     (Pad::Line, 2, [[(0.007, 0.0025), (0.013, 0.002)], [(0.008, 0.002); 2], [(0.08, 0.025), (0.027, 0.006)]]),
     (Pad::Triangle, 3, [[(0.004, 0.001), (0.007, 0.0013)], [(0.003, 0.001); 2], [(0.01, 0.003), (0.01, 0.0015)]]),
@@ -289,6 +289,26 @@ fn mass_ratios() {
             let scene = scene.with(r#"mass=".1""#, &format!(r#"mass="{target}""#));
             table.row(&format!("{name}, {pad:?}"), &scene, bounds);
         }
+    }
+    table.finish();
+}
+
+/// Many contacts begin and cease to slide: the friction pass takes up to some hundred iterations, once in a while. With
+/// less it ends anywhere, and one such step puts the target millimetres off. (Faces with pyramidal cones are left out:
+/// under these pushes full mode with noslip 1000 is a millimetre away from itself with noslip 100.)
+#[test]
+fn many_contacts_that_slide() {
+    let mut table = Table::new("A box in five fingers, friction 0.5");
+    let variants = [
+        (Pad::Face, 3, ELLIPTIC, (0.025, 0.01)),
+        (Pad::Triangle, 3, ELLIPTIC, (0.004, 0.0012)),
+        (Pad::Line, 4, ELLIPTIC, (0.01, 0.005)),
+        (Pad::Point, 4, PYRAMIDAL, CLOSE),
+    ];
+    for (pad, condim, cone, bounds) in variants {
+        let scene = five(pad).condim(condim).scene([[6.0, 1.0, 0.0], [-2.0, 5.0, 1.0]]);
+        let scene = scene.with("1 0.005 0.0001", "0.5 0.01 0.0003").with(ELLIPTIC, cone);
+        table.row(&format!("{pad:?}, condim {condim}, {}", short(cone)), &scene, bounds);
     }
     table.finish();
 }

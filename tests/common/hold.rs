@@ -174,8 +174,9 @@ pub struct Fidelity {
     /// Largest difference of a normal force from that of the engine's converged solve of the same step, relative to the
     /// largest one; in one step of 25.
     pub one_step: f64,
-    /// Steps in which a pass of the grasp's solve did not converge.
+    /// Steps in which a pass of the grasp's solve did not converge, and most iterations of a pass.
     pub unsolved: usize,
+    pub iterations: usize,
 }
 
 impl Fidelity {
@@ -195,6 +196,7 @@ impl Fidelity {
             links: [self.links[0].min(other.links[0]), self.links[1].max(other.links[1])],
             one_step: self.one_step.max(other.one_step),
             unsolved: self.unsolved.max(other.unsolved),
+            iterations: self.iterations.max(other.iterations),
         }
     }
 }
@@ -212,7 +214,12 @@ pub fn latched(rest: &Held) -> Held {
     let mut latched = rest.clone();
     latched.sim.set_noslip_iterations(rest.own_noslip).expect("a number of iterations");
     latched.grasps[0].allow_latch(true);
-    latched.run(LATCHING);
+    for _ in 0..latched.steps(LATCHING) {
+        let solved = latched.grasp().phase() == Phase::Grasped;
+        latched.step();
+        let status = latched.grasp().solve_status();
+        assert!(!solved || status.main.converged && status.noslip.converged, "{status:?}");
+    }
     let grasp = latched.grasp();
     let (quality, needed) = (grasp.quality(), grasp.latch_quality());
     assert_eq!(grasp.phase(), Phase::Grasped, "never latched: quality {quality} N of {needed} N");
@@ -256,6 +263,7 @@ pub fn compare(full: &Held, other: &Held, push: [f64; 3], push_time: f64) -> Fid
         found.links[1] = found.links[1].max(a.len());
         if phase == Phase::Grasped {
             let status = other.grasp().solve_status();
+            found.iterations = found.iterations.max(status.main.iterations).max(status.noslip.iterations);
             found.unsolved += usize::from(!(status.main.converged && status.noslip.converged));
         }
     }

@@ -9,6 +9,9 @@ const VISIBLE: f64 = 5e-4;
 /// What the normal forces of one step may differ by from those of the engine's converged solve, relative.
 const ONE_STEP: f64 = 1e-6;
 
+/// Of the relative error, and of that of the normal forces.
+pub type Bounds = (f64, f64);
+
 /// Rows are printed as they are measured; what is beyond its bounds is told at the end.
 pub struct Table {
     faults: Vec<String>,
@@ -19,28 +22,28 @@ impl Table {
         println!("\n**{title}**\n");
         println!(
             "| variant | motion, mm | palm's, mm | contacts on a link | apart, mm | apart, deg | of the motion | normal \
-             forces | in one step |"
+             forces | in one step | iterations |"
         );
-        println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+        println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
         Table { faults: Vec::new() }
     }
 
-    /// Measures `scene` against the full solve; `bounds` of its relative error and of that of its normal forces.
-    pub fn row(&mut self, name: &str, scene: &Scene, bounds: (f64, f64)) -> Fidelity {
+    /// Measures `scene` against the full solve.
+    pub fn row(&mut self, name: &str, scene: &Scene, bounds: Bounds) -> Fidelity {
         self.row_against(NOSLIP, name, scene, bounds)
     }
 
     /// As [`row`](Self::row), with another number of iterations of the reference's friction pass.
-    pub fn row_against(&mut self, noslip: usize, name: &str, scene: &Scene, bounds: (f64, f64)) -> Fidelity {
+    pub fn row_against(&mut self, noslip: usize, name: &str, scene: &Scene, bounds: Bounds) -> Fidelity {
         let found = fidelity(scene, noslip);
         self.add(name, found, bounds);
         found
     }
 
     /// A row that was measured elsewhere.
-    pub fn add(&mut self, name: &str, found: Fidelity, (relative, forces): (f64, f64)) {
+    pub fn add(&mut self, name: &str, found: Fidelity, (relative, forces): Bounds) {
         println!(
-            "| {name} | {:.2} | {:.2} | {} | {:.4} | {:.3} | {:.4} | {:.4} | {:.0e} |",
+            "| {name} | {:.2} | {:.2} | {} | {:.4} | {:.3} | {:.4} | {:.4} | {:.0e} | {} |",
             found.peak * 1e3,
             found.palm_peak * 1e3,
             found.contacts,
@@ -49,10 +52,10 @@ impl Table {
             found.relative(),
             found.forces,
             found.one_step,
+            found.iterations,
         );
-        // `!(<=)`: what is not a number is a fault
         let mut check = |what: &str, value: f64, bound: f64| {
-            if !(value <= bound) {
+            if value.is_nan() || value > bound {
                 self.faults.push(format!("{name}: {what} {value:.5}, allowed {bound}"));
             }
         };
