@@ -114,31 +114,3 @@ fn a_table_under_the_target() {
     let table = r#"<geom name="floor" type="plane" size="1 1 0.1" pos="0 0 0.265" rgba="0.4 0.45 0.5 1"/>"#;
     compare("table", &[(r#"<geom name="floor" type="plane" size="1 1 0.1" rgba="0.4 0.45 0.5 1"/>"#, table)], true);
 }
-
-#[test]
-fn zz() {
-    let couplings = r#"<tendon><fixed name="t" limited="true" range="-1 0.4"><joint joint="f3_pip" coef="0.5"/>
-      <joint joint="f4_pip" coef="0.5"/></fixed></tendon>
-      <equality><joint joint1="f0_dip" joint2="f0_pip" polycoef="0 0.4 0 0 0"/>
-      <joint joint1="f1_pip" joint2="f2_pip"/></equality><actuator>"#;
-    for (a, b) in
-        [("<actuator>", couplings), (DEFAULT_JOINT, r#"<joint damping="0.05" armature="0" frictionloss="0.003"/>"#)]
-    {
-        let mut c = claw_with(&[(a, b)]);
-        for _ in 0..8 {
-            println!(
-                "{:?} {} {} {} {}",
-                c.grasp().phase(),
-                c.grasp().quality(),
-                c.grasp().latch_quality(),
-                c.sim.nefc(),
-                c.grasp().contacts().len()
-            );
-            c.run(0.02);
-            for k in c.grasp().contacts() {
-                print!("{:?} ", k.force_rows);
-            }
-            println!("{:?}", c.grasp().solve_status());
-        }
-    }
-}

@@ -119,7 +119,7 @@ impl Branches {
     }
 
     /// Number of branches.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.used
     }
 

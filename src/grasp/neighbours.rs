@@ -203,8 +203,8 @@ impl Neighbours {
         let (j0, b0) = (self.jacobian.len(), self.bias.len());
         self.copy_rows(sim, row, 2 * (dim - 1))?;
         // in place from the front: rows 0 and 1 become normal and first tangent, then rows 2j, 2j + 1 the next tangent
-        for j in 0..dim - 1 {
-            let half = 0.5 / friction[j];
+        for (j, mu) in friction.iter().take(dim - 1).enumerate() {
+            let half = 0.5 / mu;
             for k in 0..nv {
                 let (plus, minus) = (self.jacobian[j0 + 2 * j * nv + k], self.jacobian[j0 + (2 * j + 1) * nv + k]);
                 if j == 0 {

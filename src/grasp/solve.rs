@@ -155,7 +155,7 @@ impl GraspSolver {
             self.add_neighbour(neighbours, self.branches.free()[k]);
             self.arrow.end_branch(0, &[]);
         }
-        for k in 0..self.branches.len() {
+        for k in 0..self.branches.count() {
             self.add_branch(dynamics, topology, options, contacts, neighbours, k);
         }
     }
