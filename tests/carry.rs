@@ -158,14 +158,14 @@ fn a_bottle_is_taken_carried_fast_and_set_down_in_both_modes() {
         assert!(rest(story.steps(&(1.0..2.0)).start, START) < 1e-3, "{mode}: pushed before it is grasped\n{figures}");
         let top = story.centre.iter().map(|c| c.z).fold(0.0, f64::max);
         assert!((0.14..0.16).contains(&(top - START[2])), "{mode}: lifted by {top} m\n{figures}");
-        // 0.63 g and 3.2 mm in either mode when this was written; 5 of the 13 bodies of the hand, palm included
+        // 0.63 g and 2.7 mm in either mode when this was written, and 7 of the 16 bodies of the hand that always press
         assert!(story.acceleration(timestep) > 0.5 * 9.81, "{mode}: no fast move\n{figures}");
         assert!(story.motion() < 5e-3, "{mode}: the bottle slips\n{figures}");
         assert!(rest(story.centre.len() - 1, END) < 5e-3, "{mode}: not where it shall stand\n{figures}");
         assert!(story.upright[story.upright.len() - 1] > 0.99999, "{mode}: it does not stand\n{figures}");
         assert_eq!(story.summary.outcome, Some(Outcome::Lost), "{mode}: the hand does not let go\n{figures}");
     }
-    assert!(grasp.holding >= 4, "hardly held\n{figures}");
+    assert!(grasp.holding >= 5, "hardly held\n{figures}");
     assert_eq!((full.engine_steps, grasp.engine_steps), (full.steps(&CARRY).len(), 0), "who solves?\n{figures}");
     assert!(full.changes.is_empty(), "{figures}");
     let [latched, released] = grasp.changes[..] else { panic!("latches and releases not once\n{figures}") };
@@ -175,7 +175,7 @@ fn a_bottle_is_taken_carried_fast_and_set_down_in_both_modes() {
     let supported = |times: Range<f64>| grasp.steps(&times).filter(|&step| grasp.supported[step]).count();
     assert!(supported(latched..lifted) > 50 && supported(landed..released) > 150, "grasped and standing\n{figures}");
 
-    // 0.06 mm when this was written
+    // 0.065 mm when this was written; full mode with 50 noslip iterations is 0.058 mm from the one with 1000
     assert!(apart < 1e-3, "the modes differ\n{figures}");
     assert!((full.last_place() - grasp.last_place()).norm() < 2e-3, "not at the same place in the end\n{figures}");
     assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", begin.elapsed());
