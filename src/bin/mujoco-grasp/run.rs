@@ -33,12 +33,8 @@ pub struct Args {
     /// Folder for trajectories and pictures [default: out/NAME]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Bounds every grasp in this way, whatever the scenario says.
-    #[arg(long, value_enum)]
-    limits: Option<LimitsArg>,
-    /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
-    noslip: Option<u16>,
+    #[command(flatten)]
+    overrides: Overrides,
     /// Multiplies every push.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
     scale_push: f64,
@@ -51,6 +47,29 @@ pub struct Args {
     /// Writes no plots and renders no frames.
     #[arg(long)]
     no_pictures: bool,
+}
+
+/// What the command line puts in the place of the scenario's or the model's.
+#[derive(Debug, clap::Args)]
+pub struct Overrides {
+    /// Bounds every grasp in this way, whatever the scenario says.
+    #[arg(long, value_enum)]
+    limits: Option<LimitsArg>,
+    /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
+    noslip: Option<u16>,
+}
+
+impl Overrides {
+    /// Bounds of every grasp.
+    pub fn limits(&self) -> Option<Limits> {
+        self.limits.map(LimitsArg::limits)
+    }
+
+    /// Options of the runs.
+    pub fn options(&self) -> Options {
+        Options { noslip: self.noslip.map(usize::from) }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -107,8 +126,8 @@ struct Report<'a> {
 
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let options = Options { noslip: args.noslip.map(usize::from) };
-    let limits = args.limits.map(LimitsArg::limits);
+    let options = args.overrides.options();
+    let limits = args.overrides.limits();
     let mut plan = Plan::load_with(&args.scenario, limits)?.scale_pushes(args.scale_push)?;
     if let Some(duration) = args.duration {
         plan = plan.lasting(duration)?;
