@@ -149,7 +149,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let pairs = pairs?;
 
     let runs = || pairs.iter().flat_map(|p| [&p.full, &p.grasp]).flatten();
-    runs().for_each(warn);
+    runs().for_each(|run| warn(run, plan.model.has_contacts()));
     let failures: Vec<String> = runs().filter_map(|r| r.error.as_ref()).map(ToString::to_string).collect();
     failures.iter().for_each(|message| complain("error", message));
     let error = (!failures.is_empty()).then(|| failures.join("; "));
@@ -198,15 +198,22 @@ fn scale_to_onset(mut plan: Plan, share: f64, selection: &str, options: Options)
 }
 
 /// Says what the numbers do not show.
-fn warn(run: &Run) {
+fn warn(run: &Run, contacts: bool) {
     for warning in &run.warnings {
         complain("warning", &format!("{}: {warning}", run.stem()));
     }
     if run.mode == Mode::Grasp && run.summary.latched_at_s.is_none() && run.error.is_none() {
+        let why = if !contacts {
+            ": the model's flags switch contacts or constraints off"
+        } else if run.best_quality == 0.0 {
+            ": no effector pressed on the target, or its contacts cannot hold it in every direction"
+        } else {
+            ""
+        };
         complain(
             "warning",
             &format!(
-                "{}: the grasp never latched: its quality reached {:.4} N, and it takes {:.4} N (latch_quality)",
+                "{}: the grasp never latched: its quality reached {:.4} N, and it takes {:.4} N (latch_quality){why}",
                 run.stem(),
                 run.best_quality,
                 run.latch_quality
