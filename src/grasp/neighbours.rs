@@ -67,13 +67,6 @@ impl Neighbours {
         Ok(())
     }
 
-    /// No rows, for a solve of the grasp alone.
-    pub fn clear(&mut self) {
-        self.list.clear();
-        self.jacobian.clear();
-        self.bias.clear();
-    }
-
     /// The constraints of this step.
     pub fn list(&self) -> &[Neighbour] {
         &self.list

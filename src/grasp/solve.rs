@@ -174,8 +174,9 @@ impl GraspSolver {
         self.arrow.begin_branch();
         let joints = self.branches.joints(self.branches.branch(k));
         self.own_rows.clear();
-        for finger in 0..self.mobility.fingers.len() {
-            if !self.branches.branch(k).nodes.contains(&finger) {
+        for n in 0..self.branches.branch(k).nodes.len() {
+            let finger = self.branches.branch(k).nodes[n];
+            if finger >= self.mobility.fingers.len() {
                 continue;
             }
             self.mobility.fingers[finger].update(dynamics);
