@@ -44,7 +44,8 @@ pub fn run() -> Result<Vec<Reading>, Box<dyn Error>> {
         let pull = 4.0 * (time - 1.5).clamp(0.0, 0.5) / 0.5;
         sim.set_body_wrench(ball, &Vector3::new(0.0, 0.0, -pull), &Vector3::zeros())?;
         step(&mut sim, &mut grasps)?;
-        if k % 50 != 49 {
+        let every = if time < 1.5 { 50 } else { 10 };
+        if (k + 1) % every != 0 {
             continue;
         }
         let grasp = &mut grasps[0];

@@ -33,6 +33,7 @@ const DAMPING_RANGE: (f64, f64) = (1e-9, 1e6);
 
 /// What can be wrong with a set of tips.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A site does not hang on the hand.
     #[error("the site \"{site}\" is not on a body below the palm \"{palm}\"; give a site on a link of the hand")]

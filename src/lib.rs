@@ -24,7 +24,7 @@
 //! so its joints are eliminated exactly by a Cholesky factor of their own few rows, and what Newton's method factors does
 //! not grow with the number of contacts ([`grasp::arrow`]). A second, converged pass then holds what friction can hold
 //! without MuJoCo's creep, as its noslip pass does by sweeps: a proximal step around the friction of the last step
-//! ([`grasp::solve`]). Contacts are found anew in every step, so they roll, appear and open while grasped.
+//! (`grasp/solve.rs`). Contacts are found anew in every step, so they roll, appear and open while grasped.
 //!
 //! That is [`grasp::Limits::Cones`], the default. [`grasp::Limits::Box`] is the thesis's Eqs. 4.1 to 4.3, one bound per
 //! axis of a weld with the merged fingertips, and [`grasp::Limits::Rigid`] a plain weld: both for comparison.

@@ -19,6 +19,7 @@ const FLAT: f64 = 1e-7;
 const JOGS: [f64; 4] = [0.0, 1e-8, 1e-7, 1e-6];
 /// A hull that could not be formed.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum HullError {
     /// A coordinate that is NaN or infinite.
     #[error("point {point} of the hull has a coordinate that is not finite")]

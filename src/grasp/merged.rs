@@ -161,6 +161,7 @@ impl Merged {
     }
 
     /// `K`, world axes about the point of the maps.
+    #[cfg(test)]
     pub fn impedance(&self) -> &Matrix6<f64> {
         &self.impedance
     }
@@ -182,6 +183,7 @@ impl Merged {
     }
 
     /// `G f`: the wrench of row forces on the target.
+    #[cfg(test)]
     pub fn wrench(&self, forces: &[f64]) -> Vector6<f64> {
         self.maps.iter().zip(forces).map(|(g, &f)| g * f).sum()
     }

@@ -259,11 +259,6 @@ impl FingerMobility {
         self.dofs.len()
     }
 
-    /// True for a finger without joints.
-    pub fn is_empty(&self) -> bool {
-        self.dofs.is_empty()
-    }
-
     /// Updates to the present state.
     pub fn update(&mut self, dynamics: &Dynamics<'_>) {
         for (k, &dof) in self.dofs.iter().enumerate() {

@@ -47,6 +47,7 @@ pub const RELEASE_PER_LATCH: f64 = 0.25;
 
 /// Why a grasp's quality could not be computed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum QualityError {
     #[error(transparent)]
     Contact(#[from] ContactError),

@@ -48,6 +48,7 @@ enum Member {
 
 /// Iterations of the two passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct SolveStatus {
     /// Pass with soft contacts.
     pub main: Status,

@@ -30,8 +30,9 @@ impl Limits {
     }
 }
 
-/// A grasp as the user describes it.
+/// A grasp as the user describes it: [`new`](Self::new), then set the fields that are to differ from their defaults.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GraspSpec {
     /// Body that is grasped.
     pub target: BodyId,

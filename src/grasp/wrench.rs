@@ -34,6 +34,7 @@ pub struct ContactForce {
 
 /// A contact that no physics can have produced.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum ContactError {
     /// A number that is NaN or infinite.
     #[error("contact {contact}: its {field} is not finite; every number of a contact must be")]

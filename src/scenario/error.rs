@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 /// Errors of scenarios. Messages name the file, the field, and what would be right.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// Neither a built-in scenario nor a file.
     #[error(
