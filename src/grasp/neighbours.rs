@@ -2,9 +2,13 @@
 //!
 //! Where they move with hand or target they are solved together with the grasp (see [`super::branches`]), in the same two
 //! passes as the engine: first all with their softness, then, if the engine has a noslip pass, friction at fixed normals.
+//! The contacts of other latched grasps join them as guests (see [`guests`]).
 
 use super::cone::{Law, MAX_ROWS, Zone, pyramid_pairs};
+use super::contacts::GraspContact;
 use crate::mujoco::{Cone, Error, RowKind, RowState, Simulation};
+
+mod guests;
 
 /// One constraint that is not the grasp's own.
 #[derive(Clone, Debug)]
@@ -25,7 +29,7 @@ pub struct Neighbour {
     pairs: [f64; 5],
     /// True once it has been solved together with the grasp.
     solved: bool,
-    /// Its first row in the engine.
+    /// Its first row in the engine; a guest has none.
     row: usize,
     owner: Owner,
 }
@@ -37,6 +41,8 @@ enum Owner {
     Element(i32, usize),
     /// Two geoms, and how many contacts of the same two come before.
     Geoms(usize, usize, usize),
+    /// Another grasp's contact, by its number among the guests.
+    Guest(usize),
 }
 
 /// All of them in one step. Buffers are reused.
@@ -47,6 +53,7 @@ pub struct Neighbours {
     jacobian: Vec<f64>,
     bias: Vec<f64>,
     friction_pass: bool,
+    guests: Vec<GraspContact>,
 }
 
 impl Neighbours {
@@ -59,12 +66,19 @@ impl Neighbours {
         self.list.clear();
         self.jacobian.clear();
         self.bias.clear();
+        self.guests.clear();
         self.friction_pass = sim.model().noslip_iterations() > 0;
         let mut row = 0;
         while row < sim.nefc() {
             row += self.read_one(sim, row)?;
         }
         Ok(())
+    }
+
+    /// Forgets the last step's forces: this grasp has not solved its neighbours in it.
+    pub fn forget(&mut self) {
+        self.list.clear();
+        self.guests.clear();
     }
 
     /// The constraints of this step.
@@ -79,7 +93,7 @@ impl Neighbours {
 
     /// Writes the forces of the constraints that were solved together with the grasp.
     pub fn write_forces(&self, sim: &mut Simulation) {
-        for neighbour in self.list.iter().filter(|n| n.solved) {
+        for neighbour in self.list.iter().filter(|n| n.solved && n.guest().is_none()) {
             neighbour.write_force(sim);
         }
     }
@@ -218,9 +232,20 @@ impl Neighbours {
 }
 
 impl Neighbour {
+    /// Number among the guests, of another grasp's contact.
+    pub fn guest(&self) -> Option<usize> {
+        if let Owner::Guest(number) = self.owner { Some(number) } else { None }
+    }
+
     /// Number of its rows in the engine, where a pyramid has a row for each edge.
     fn engine_rows(&self) -> usize {
-        if matches!(self.law, Law::Pyramidal { .. }) { 2 * (self.rows - 1) } else { self.rows }
+        if self.guest().is_some() {
+            0
+        } else if matches!(self.law, Law::Pyramidal { .. }) {
+            2 * (self.rows - 1)
+        } else {
+            self.rows
+        }
     }
 
     fn write_force(&self, sim: &mut Simulation) {
