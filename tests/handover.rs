@@ -1,6 +1,6 @@
 //! Two hands and one baton: handed over, and held between both, in full mode and in grasp mode.
 
-use mujoco_grasp::grasp::{self, Phase};
+use mujoco_grasp::grasp::{self, Limits, Phase};
 use mujoco_grasp::scenario::outcome::Outcome;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
@@ -66,6 +66,26 @@ fn two_hands_hold_the_baton_alike_in_both_modes() {
         }
         let latched = |run: &Run| run.summary.latched_at_s.zip(run.others[0].summary.latched_at_s);
         assert!(latched(grasp).is_some() && latched(full).is_none());
+    }
+}
+
+/// The weld's rows give way while friction is solved without softness: held fixed, they let the baton drift by 4 mm.
+#[test]
+fn a_hand_with_cones_and_a_hand_with_a_weld_hold_the_baton_together() {
+    for (limits, cones) in [(Limits::Box, 0), (Limits::Box, 1), (Limits::Rigid, 0), (Limits::Rigid, 1)] {
+        let mut plan = Plan::load_with("two-hands", Some(limits)).expect("a built-in scenario");
+        plan.grasps[cones].limits = Limits::Cones;
+        let pushes = plan.select_pushes("side").expect("a push");
+        let pair = &run_all(&plan, &BOTH, &pushes, Options::default(), &Observer::NOBODY).expect("runs")[0];
+        let (compare, grasp) = (pair.compare.as_ref().expect("a comparison"), pair.grasp.as_ref().expect("a run"));
+        for (compare, summary) in [(compare, &grasp.summary), (&compare.others[0], &grasp.others[0].summary)] {
+            assert!(summary.latched_at_s.is_some() && summary.released_at_s.is_none(), "{limits:?}: {summary:?}");
+            assert!(compare.same_outcome, "{limits:?}, cones for hand {cones}: {compare:?}");
+            assert!(
+                compare.position_rmse_m.is_some_and(|e| e < 1e-4),
+                "{limits:?}, cones for hand {cones}: {compare:?}"
+            );
+        }
     }
 }
 

@@ -7,6 +7,7 @@
 use super::cone::{Law, MAX_ROWS, Zone, pyramid_pairs};
 use super::contacts::GraspContact;
 use crate::mujoco::{Cone, Error, RowKind, RowState, Simulation};
+use std::ops::Range;
 
 mod guests;
 
@@ -27,6 +28,8 @@ pub struct Neighbour {
     pub zones: [Zone; 2],
     /// Normal force of each pair of a pyramid's edges.
     pairs: [f64; 5],
+    /// True of a row of another grasp's weld: it gives way in both passes, since it is solved by its softness.
+    pub gives: bool,
     /// True once it has been solved together with the grasp.
     solved: bool,
     /// Its first row in the engine; a guest has none.
@@ -57,11 +60,12 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// Reads the engine's current rows; after its smooth acceleration is known.
+    /// Reads the engine's current rows, `welds` among them being those of merged grasps; after its smooth acceleration is
+    /// known.
     ///
     /// # Errors
     /// What the engine reports.
-    pub fn read(&mut self, sim: &Simulation) -> Result<(), Error> {
+    pub fn read(&mut self, sim: &Simulation, welds: &Range<usize>) -> Result<(), Error> {
         std::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
         self.jacobian.clear();
@@ -70,7 +74,7 @@ impl Neighbours {
         self.friction_pass = sim.model().noslip_iterations() > 0;
         let mut row = 0;
         while row < sim.nefc() {
-            row += self.read_one(sim, row)?;
+            row += self.read_one(sim, row, welds.contains(&row))?;
         }
         Ok(())
     }
@@ -128,6 +132,9 @@ impl Neighbours {
             n.pairs = pyramid_pairs(jar, stiffness, &friction);
         }
         n.force = *force;
+        if n.gives {
+            return (n.law, zone);
+        }
         let mut centre = [0.0; 5];
         centre.copy_from_slice(&start[1..]);
         let law = match n.law {
@@ -151,7 +158,7 @@ impl Neighbours {
     }
 
     /// Reads the constraint that begins at `row`; returns its number of rows in the engine.
-    fn read_one(&mut self, sim: &Simulation, row: usize) -> Result<usize, Error> {
+    fn read_one(&mut self, sim: &Simulation, row: usize, gives: bool) -> Result<usize, Error> {
         let identity = sim.constraint_row(row)?;
         let first = self.bias.len();
         let stiffness = sim.efc_D()[row];
@@ -188,7 +195,7 @@ impl Neighbours {
         let nothing = [0.0; MAX_ROWS];
         let (main, force, zones) = before.map_or((nothing, nothing, [Zone::Stick; 2]), |n| (n.main, n.force, n.zones));
         let (pairs, solved) = ([0.0; 5], false);
-        self.list.push(Neighbour { law, rows, first, main, force, zones, pairs, solved, row, owner });
+        self.list.push(Neighbour { law, rows, first, main, force, zones, pairs, gives, solved, row, owner });
         Ok(read)
     }
 

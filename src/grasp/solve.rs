@@ -345,6 +345,9 @@ fn friction_of_neighbour(arrow: &Arrow, block: usize, neighbours: &mut Neighbour
     let rows = jar.len();
     let resistance = resistance(arrow, block, rows.min(2) - 1);
     let (law, zone) = neighbours.end_main_pass(i, (&response.force, response.zone), jar, resistance);
+    if neighbours.list()[i].gives {
+        return Relaw { law, zone, kept: [0.0; MAX_ROWS], start: response.force };
+    }
     let (mut kept, mut start) = (response.force, [0.0; MAX_ROWS]);
     if let Some(first) = first_governed(&law) {
         kept[first..].fill(0.0);

@@ -164,11 +164,12 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
 /// engine's rows were solved with them.
 fn solve_cones(sim: &Simulation, grasps: &mut [Grasp], force: &mut GraspForce) -> Result<usize, Error> {
     let alone = grasps.iter().filter(|g| g.phase() == Phase::Grasped).count() == 1;
+    let welds = weld::rows(sim, grasps);
     let mut rows = 0;
     for i in 0..grasps.len() {
         let Some((leader, others)) = grasps[i..].split_first_mut() else { break };
         if leader.awaits_solve() || alone && leader.is_cones() {
-            leader.solve_cones(sim, others, force.generalised_mut())?;
+            leader.solve_cones(sim, others, &welds, force.generalised_mut())?;
             rows += leader.solved_rows();
         } else {
             leader.leave_neighbours();

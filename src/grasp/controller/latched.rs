@@ -12,6 +12,7 @@ use crate::grasp::spec::Limits;
 use crate::grasp::weld::Settings;
 use crate::mujoco::{Cone, DISABLE_REFSAFE, EqualityId, Simulation};
 use nalgebra::Vector6;
+use std::ops::Range;
 
 impl Grasp {
     /// Finds the contacts in the place of the engine's collision stage; false if the engine has to look itself, because
@@ -134,11 +135,12 @@ impl Grasp {
     }
 
     /// Solves the grasp and adds its generalised force to `out`; and with it those of `others` that wait for a solve and
-    /// move with it.
+    /// move with it. `welds`: the engine's rows that belong to merged grasps.
     pub(in crate::grasp) fn solve_cones(
         &mut self,
         sim: &Simulation,
         others: &mut [Grasp],
+        welds: &Range<usize>,
         out: &mut [f64],
     ) -> Result<(), Error> {
         let model = sim.model();
@@ -156,7 +158,7 @@ impl Grasp {
             acceleration: sim.qacc_smooth(),
         };
         let options = solver_options(sim);
-        self.neighbours.read(sim)?;
+        self.neighbours.read(sim, welds)?;
         for other in others.iter().filter(|g| g.awaits_solve()) {
             self.neighbours.invite(&dynamics, &other.topology, &options, other.set.contacts());
         }

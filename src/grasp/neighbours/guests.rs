@@ -40,6 +40,7 @@ impl Neighbours {
                 force: main,
                 zones,
                 pairs: [0.0; 5],
+                gives: false,
                 solved: false,
                 row: 0,
                 owner: Owner::Guest(self.guests.len()),
