@@ -193,7 +193,7 @@ impl Grasp {
         self.forget();
     }
 
-    /// Forgets what a latched grasp remembers from step to step.
+    /// What the solver remembers of the last step means nothing in a later latch.
     fn forget(&mut self) {
         self.solver.reset();
         self.neighbours.forget();

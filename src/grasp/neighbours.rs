@@ -2,9 +2,17 @@
 //!
 //! Where they move with hand or target they are solved together with the grasp (see [`super::branches`]), in the same two
 //! passes as the engine: first all with their softness, then, if the engine has a noslip pass, friction at fixed normals.
+//! The contacts of other latched grasps join them as guests (see [`guests`]).
 
 use super::cone::{Law, MAX_ROWS, Zone, pyramid_pairs};
+use super::contacts::GraspContact;
 use crate::mujoco::{Cone, Error, RowKind, RowState, Simulation};
+use std::ops::Range;
+
+mod guests;
+mod past;
+
+pub(super) use past::Past;
 
 /// One constraint that is not the grasp's own.
 #[derive(Clone, Debug)]
@@ -23,21 +31,13 @@ pub struct Neighbour {
     pub zones: [Zone; 2],
     /// Normal force of each pair of a pyramid's edges.
     pairs: [f64; 5],
+    /// True of a row of another grasp's weld: it gives way in both passes, since it is solved by its softness.
+    pub gives: bool,
     /// True once it has been solved together with the grasp.
     solved: bool,
-    /// Its first row in the engine.
+    /// Its first row in the engine; a guest has none.
     row: usize,
     owner: Owner,
-}
-
-/// What a constraint hands on to the next step.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Past {
-    owner: Owner,
-    rows: usize,
-    main: [f64; MAX_ROWS],
-    force: [f64; MAX_ROWS],
-    zones: [Zone; 2],
 }
 
 /// What the rows belong to, from step to step.
@@ -48,6 +48,8 @@ enum Owner {
     Element(i32, usize),
     /// Two geoms, and how many contacts of the same two come before.
     Geoms(usize, usize, usize),
+    /// Another grasp's contact, by its number among the guests.
+    Guest(usize),
 }
 
 /// All of them in one step. Buffers are reused.
@@ -58,47 +60,33 @@ pub struct Neighbours {
     jacobian: Vec<f64>,
     bias: Vec<f64>,
     friction_pass: bool,
+    guests: Vec<GraspContact>,
 }
 
 impl Neighbours {
-    /// Reads the engine's current rows; after its smooth acceleration is known.
+    /// Reads the engine's current rows, `welds` among them being those of merged grasps; after its smooth acceleration is
+    /// known.
     ///
     /// # Errors
     /// What the engine reports.
-    pub fn read(&mut self, sim: &Simulation) -> Result<(), Error> {
+    pub fn read(&mut self, sim: &Simulation, welds: &Range<usize>) -> Result<(), Error> {
         std::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
         self.jacobian.clear();
         self.bias.clear();
+        self.guests.clear();
         self.friction_pass = sim.model().noslip_iterations() > 0;
         let mut row = 0;
         while row < sim.nefc() {
-            row += self.read_one(sim, row)?;
+            row += self.read_one(sim, row, welds.contains(&row))?;
         }
         Ok(())
     }
 
-    /// Forgets the last step: after a release its forces say nothing about the next latch.
+    /// Forgets the last step's forces: this grasp has not solved its neighbours in it.
     pub fn forget(&mut self) {
         self.list.clear();
-    }
-
-    /// What the next step remembers, into `out`.
-    pub(super) fn save_into(&self, out: &mut Vec<Past>) {
-        out.clear();
-        out.extend(self.list.iter().map(|n| Past {
-            owner: n.owner,
-            rows: n.rows,
-            main: n.main,
-            force: n.force,
-            zones: n.zones,
-        }));
-    }
-
-    /// The next step remembers `past`.
-    pub(super) fn restore(&mut self, past: &[Past]) {
-        self.list.clear();
-        self.list.extend(past.iter().map(Past::constraint));
+        self.guests.clear();
     }
 
     /// The constraints of this step.
@@ -113,7 +101,7 @@ impl Neighbours {
 
     /// Writes the forces of the constraints that were solved together with the grasp.
     pub fn write_forces(&self, sim: &mut Simulation) {
-        for neighbour in self.list.iter().filter(|n| n.solved) {
+        for neighbour in self.list.iter().filter(|n| n.solved && n.guest().is_none()) {
             neighbour.write_force(sim);
         }
     }
@@ -148,6 +136,9 @@ impl Neighbours {
             n.pairs = pyramid_pairs(jar, stiffness, &friction);
         }
         n.force = *force;
+        if n.gives {
+            return (n.law, zone);
+        }
         let mut centre = [0.0; 5];
         centre.copy_from_slice(&start[1..]);
         let law = match n.law {
@@ -171,7 +162,7 @@ impl Neighbours {
     }
 
     /// Reads the constraint that begins at `row`; returns its number of rows in the engine.
-    fn read_one(&mut self, sim: &Simulation, row: usize) -> Result<usize, Error> {
+    fn read_one(&mut self, sim: &Simulation, row: usize, gives: bool) -> Result<usize, Error> {
         let identity = sim.constraint_row(row)?;
         let first = self.bias.len();
         let stiffness = sim.efc_D()[row];
@@ -208,7 +199,7 @@ impl Neighbours {
         let nothing = [0.0; MAX_ROWS];
         let (main, force, zones) = before.map_or((nothing, nothing, [Zone::Stick; 2]), |n| (n.main, n.force, n.zones));
         let (pairs, solved) = ([0.0; 5], false);
-        self.list.push(Neighbour { law, rows, first, main, force, zones, pairs, solved, row, owner });
+        self.list.push(Neighbour { law, rows, first, main, force, zones, pairs, gives, solved, row, owner });
         Ok(read)
     }
 
@@ -251,32 +242,21 @@ impl Neighbours {
     }
 }
 
-impl Past {
-    /// A constraint that has this to remember, and no part in any solve.
-    fn constraint(&self) -> Neighbour {
-        let Past { owner, rows, main, force, zones } = *self;
-        let (law, pairs) = (Law::Still, [0.0; 5]);
-        Neighbour { law, rows, first: 0, main, force, zones, pairs, solved: false, row: 0, owner }
-    }
-
-    /// The geoms that it names, if it is a contact.
-    pub(super) fn geoms(&self) -> Option<(usize, usize)> {
-        match self.owner {
-            Owner::Element(..) => None,
-            Owner::Geoms(a, b, _) => Some((a, b)),
-        }
-    }
-
-    /// True if its rows are those of one constraint and every number is finite.
-    pub(super) fn is_sound(&self) -> bool {
-        (1..=MAX_ROWS).contains(&self.rows) && self.main.iter().chain(&self.force).all(|x| x.is_finite())
-    }
-}
-
 impl Neighbour {
+    /// Number among the guests, of another grasp's contact.
+    pub fn guest(&self) -> Option<usize> {
+        if let Owner::Guest(number) = self.owner { Some(number) } else { None }
+    }
+
     /// Number of its rows in the engine, where a pyramid has a row for each edge.
     fn engine_rows(&self) -> usize {
-        if matches!(self.law, Law::Pyramidal { .. }) { 2 * (self.rows - 1) } else { self.rows }
+        if self.guest().is_some() {
+            0
+        } else if matches!(self.law, Law::Pyramidal { .. }) {
+            2 * (self.rows - 1)
+        } else {
+            self.rows
+        }
     }
 
     fn write_force(&self, sim: &mut Simulation) {
