@@ -29,6 +29,8 @@
 //! That is [`grasp::Limits::Cones`], the default. [`grasp::Limits::Box`] is the thesis's Eqs. 4.1 to 4.3, one bound per
 //! axis of a weld with the merged fingertips, and [`grasp::Limits::Rigid`] a plain weld: both for comparison.
 //!
+//! The [`guide`] takes those who know MuJoCo from an MJCF to a grasp, step by step, and `examples/` has whole programs.
+//!
 //! # Modules
 //!
 //! | module | what |
@@ -97,6 +99,8 @@
 #![deny(unsafe_code)]
 
 pub mod grasp;
+#[doc = include_str!("guide.md")]
+pub mod guide {}
 pub mod kinematics;
 #[allow(unsafe_code)]
 pub mod mujoco;

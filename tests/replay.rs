@@ -220,7 +220,7 @@ fn ten_thousand_steps_go_on_from_the_middle_bit_for_bit() {
     const CYCLE: usize = 1_000;
     fn push(k: usize) -> Vector3<f64> {
         match k % CYCLE {
-            20..160 => Vector3::new(0.0, 0.0, if k / CYCLE % 2 == 0 { 9.0 } else { -9.0 }),
+            20..160 => Vector3::new(0.0, 0.0, if (k / CYCLE).is_multiple_of(2) { 9.0 } else { -9.0 }),
             300..400 => Vector3::new(0.0, 3.0, 0.0),
             _ => Vector3::zeros(),
         }
