@@ -114,7 +114,9 @@ fn hold((xml, pairs): (String, Vec<[&'static str; 2]>)) -> Hold {
     let mut sim = Simulation::new(&model).expect("a simulation");
     let spec = |[target, palm]: &[&str; 2]| {
         let (target, palm) = (sim.model().body(target).expect("a target"), sim.model().body(palm).expect("a palm"));
-        GraspSpec { latch_quality: Some(0.1), ..GraspSpec::new(target, palm) }
+        let mut spec = GraspSpec::new(target, palm);
+        spec.latch_quality = Some(0.1);
+        spec
     };
     let specs: Vec<GraspSpec> = pairs.iter().map(spec).collect();
     let grasps: Vec<Grasp> = specs.iter().map(|s| Grasp::new(&sim, s).expect("a grasp")).collect();
