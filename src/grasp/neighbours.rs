@@ -83,7 +83,7 @@ impl Neighbours {
         Ok(())
     }
 
-    /// Forgets the last step's forces: this grasp has not solved its neighbours in it.
+    /// Forgets the last step's forces: this grasp has not solved its neighbours in it, or was released.
     pub fn forget(&mut self) {
         self.list.clear();
         self.guests.clear();
