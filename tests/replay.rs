@@ -271,3 +271,78 @@ fn ten_thousand_steps_go_on_from_the_middle_bit_for_bit() {
     let replay = run(&mut sim, &mut grasps, &open, MIDDLE..STEPS);
     assert_same("cloned", MIDDLE, &log[MIDDLE..], &replay);
 }
+
+/// Two pinching hands on one bar: latched they are solved as one problem, and each saves its own part of it.
+#[test]
+fn two_hands_on_one_object_go_on_alike() {
+    let finger = |hand: &str, side: &str, sign: f64| {
+        let y = sign * 0.0305;
+        format!(
+            r#"<body pos="0 {y} -.1"><joint name="{hand}_{side}" type="slide" axis="0 {} 0" damping="8"/>
+            <geom size=".01" mass=".05"/><geom size=".01" mass=".05" pos=".025 0 0"/></body>"#,
+            -sign
+        )
+    };
+    let hand = |name: &str, x: f64| {
+        let fingers = finger(name, "a", 1.0) + &finger(name, "b", -1.0);
+        format!(
+            r#"<body name="{name}" pos="{x} 0 .5"><joint name="{name}_rail" type="slide" axis="0 0 1" damping="30"/>
+            <geom type="box" size=".02 .06 .01" mass=".3"/>{fingers}</body>"#
+        )
+    };
+    let actuators = ["left", "right"].map(|hand| {
+        format!(
+            r#"<position joint="{hand}_rail" kp="2000"/><position joint="{hand}_a" kp="400"/>
+            <position joint="{hand}_b" kp="400"/>"#
+        )
+    });
+    let xml = format!(
+        r#"<mujoco><option cone="elliptic" noslip_iterations="20"/><default><geom condim="4"/></default>
+        <worldbody>{}{}<body name="bar" pos="0 0 .4"><freejoint/><geom type="box" size=".2 .02 .02" mass=".08"/></body>
+        </worldbody><actuator>{}</actuator></mujoco>"#,
+        hand("left", -0.12),
+        hand("right", 0.1),
+        actuators.concat()
+    );
+    let model = Model::from_xml_string(&xml).expect("a model");
+    let start = || {
+        let mut sim = Simulation::new(&model).expect("a simulation");
+        sim.ctrl_mut().copy_from_slice(&[0.0, 0.012, 0.012, 0.0, 0.012, 0.012]);
+        let body = |name| sim.model().body(name).expect("a body");
+        let spec = |palm| GraspSpec::new(body("bar"), body(palm));
+        let grasps = ["left", "right"].map(|palm| Grasp::new(&sim, &spec(palm)).expect("a grasp"));
+        (sim, grasps)
+    };
+    // steps of both, from `from` on: the right one is late, the left one lets go, and all the while something pulls
+    let run = |sim: &mut Simulation, grasps: &mut [Grasp], from: usize, to: usize| -> Vec<Vec<u64>> {
+        let bar = sim.model().body("bar").expect("a body");
+        let one = |k: usize| {
+            grasps[1].allow_latch(k > 300);
+            if k == 600 {
+                grasps[0].release();
+                grasps[0].allow_latch(false);
+            }
+            let pull = Vector3::new(0.5 * (0.01 * k as f64).sin(), 0.0, -0.5);
+            sim.set_body_wrench(bar, &pull, &Vector3::zeros()).expect("a wrench");
+            step(sim, grasps).expect("a step");
+            bits(sim, grasps)
+        };
+        (from..to).map(one).collect()
+    };
+    let (mut sim, mut grasps) = start();
+    let mut log = Vec::new();
+    for (k, phases) in [
+        (250, [Phase::Grasped, Phase::Ungrasped]),
+        (500, [Phase::Grasped; 2]),
+        (650, [Phase::Ungrasped, Phase::Grasped]),
+    ] {
+        log.extend(run(&mut sim, &mut grasps, log.len(), k));
+        assert_eq!([grasps[0].phase(), grasps[1].phase()], phases, "step {k}");
+        let snapshot = through(Format::Json, &Snapshot::take(&sim, &grasps));
+        let (mut fresh_sim, mut fresh_grasps) = start();
+        snapshot.restore(&mut fresh_sim, &mut fresh_grasps).expect("a restored state");
+        let replay = run(&mut fresh_sim, &mut fresh_grasps, k, k + 150);
+        let (mut sim, mut grasps) = (sim.clone(), grasps.clone());
+        assert!(run(&mut sim, &mut grasps, k, k + 150) == replay, "from step {k}");
+    }
+}
