@@ -2,6 +2,8 @@
 
 #[path = "../examples/control_loop.rs"]
 mod control_loop;
+#[path = "../examples/handover.rs"]
+mod handover;
 #[path = "../examples/live_forces.rs"]
 mod live_forces;
 #[path = "../examples/load_and_hold.rs"]
@@ -56,4 +58,13 @@ fn the_replay_is_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
     let (steps, different) = save_replay::run(&folder.path().join("snapshot.json")).expect("a run");
     assert!(steps > 500 && different == 0, "{different} of {steps}");
+}
+
+#[test]
+fn the_baton_is_handed_over() {
+    let (events, away) = handover::run().expect("a run");
+    let story: Vec<_> = events.iter().map(|e| (e.hand, e.phase)).collect();
+    let expected = [("left", Phase::Grasped), ("right", Phase::Grasped), ("left", Phase::Ungrasped)];
+    assert_eq!(story, expected, "{events:?}");
+    assert!(away < 0.07, "the baton is {away} m from the right palm");
 }
