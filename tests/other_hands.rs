@@ -121,13 +121,14 @@ impl Hand {
                     *now = start + moved;
                 }
             }
-            let before = (measured % 10 == 0).then(|| runner.sim().clone());
+            let looked_at = mode == Mode::Grasp && time >= from && time < closed && measured % 10 == 0;
+            let before = looked_at.then(|| runner.sim().clone());
             let sample = runner.step().unwrap();
             if time >= closed {
                 continue;
             }
             if time >= from {
-                if let Some(mut before) = before.filter(|_| sample.grasped && mode == Mode::Grasp) {
+                if let Some(mut before) = before.filter(|_| sample.grasped) {
                     // the step has set the controls
                     before.ctrl_mut().copy_from_slice(runner.sim().ctrl());
                     let exact = one_step::engine(&before);

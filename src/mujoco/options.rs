@@ -125,7 +125,8 @@ impl CompiledModel {
     /// The two bodies of a connect or weld (the second may be the world); `None` for other constraints.
     pub fn equality_bodies(&self, id: EqualityId) -> Option<[BodyId; 2]> {
         let kind = self.equality_kind(id)?;
-        let bodies = [self.eq_obj1id(), self.eq_obj2id()].map(|ids| BodyId::from_index(ids[id.index()].max(0) as usize));
+        let bodies =
+            [self.eq_obj1id(), self.eq_obj2id()].map(|ids| BodyId::from_index(ids[id.index()].max(0) as usize));
         matches!(kind, EqualityKind::Connect | EqualityKind::Weld).then_some(bodies)
     }
 }
