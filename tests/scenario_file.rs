@@ -126,6 +126,7 @@ fn the_palm_is_the_lowest_common_ancestor_of_the_effectors() {
     };
     assert_eq!(with(r#"["f0_3", "f3_1"]"#), "palm");
     assert_eq!(with(r#"["f0_3"]"#), "f0_2");
+    assert_eq!(with("[]"), "palm", "the only hand");
     // An effector is never its own palm.
     assert_eq!(with(r#"["f0_3", "f0_2"]"#), "f0_1");
 }
@@ -214,11 +215,6 @@ fn values_that_contradict_each_other() {
     refused("name = \"fp1\"", "name = \"all\"", &["push[0].name", "--push"]);
     refused("name = \"fp1\"", "name = \"a/b\"", &["push[0].name", "names files"]);
     refused("name = \"claw\"", "name = \"\"", &["name", "names files"]);
-    refused(
-        "effectors = [\"f0_3\", \"f1_3\"]\npalm = \"palm\"\n",
-        "",
-        &["grasp[0].palm", "give the palm, the effectors, or both"],
-    );
     let twice = "[[push]]\nname = \"fp1\"\nstart = 0.1\nduration = 0.1\n";
     let message = parse(&format!("{FULL}\n{twice}")).unwrap_err().to_string();
     assert!(message.contains("push[1].name") && message.contains("\"fp1\""), "{message}");

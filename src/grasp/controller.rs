@@ -6,6 +6,7 @@ mod saved;
 use super::contacts::{ContactSet, GraspContact};
 use super::detector::Detector;
 use super::error::Error;
+use super::hand::find_hand;
 use super::merged_solve::MergedSolver;
 use super::neighbours::Neighbours;
 use super::phase::{Observation, Phase, PhaseMachine};
@@ -49,7 +50,7 @@ impl Grasp {
     /// Checks a grasp against the model and prepares it.
     ///
     /// # Errors
-    /// A target that is static or part of the hand, effectors that are the target or outside the hand, thresholds that
+    /// No hand or several, where neither palm nor effectors are given; a target that is static or part of the hand, effectors that are the target or outside the hand, thresholds that
     /// are not positive and ordered, or an integrator whose step cannot be taken apart (RK4).
     pub fn new(sim: &Simulation, spec: &GraspSpec) -> Result<Grasp, Error> {
         let model = sim.model();
@@ -58,16 +59,16 @@ impl Grasp {
         if model.integrator() == Integrator::Rk4 {
             return Err(Error::Integrator);
         }
-        let effectors: Vec<usize> = spec.effectors.iter().map(|b| b.index()).collect();
-        let palm = match spec.palm {
-            Some(palm) => palm,
-            None if effectors.is_empty() => return Err(Error::NoHand),
-            None => BodyId::from_index(palm_of(parents, &effectors)),
+        let indices = |bodies: &[BodyId]| -> Vec<usize> { bodies.iter().map(|b| b.index()).collect() };
+        let (palm, named) = match spec.palm {
+            Some(palm) => (palm, spec.effectors.clone()),
+            None if spec.effectors.is_empty() => find_hand(model, spec.target)?,
+            None => (BodyId::from_index(palm_of(parents, &indices(&spec.effectors))), spec.effectors.clone()),
         };
-        if let Some(&e) = spec.effectors.iter().find(|e| is_ancestor(parents, spec.target.index(), e.index())) {
+        if let Some(&e) = named.iter().find(|e| is_ancestor(parents, spec.target.index(), e.index())) {
             return Err(Error::EffectorIsTarget(name(e)));
         }
-        if let Some(&e) = spec.effectors.iter().find(|e| !is_ancestor(parents, palm.index(), e.index())) {
+        if let Some(&e) = named.iter().find(|e| !is_ancestor(parents, palm.index(), e.index())) {
             return Err(Error::EffectorOutsideHand { effector: name(e), palm: name(palm) });
         }
         let tree = Tree {
@@ -77,14 +78,14 @@ impl Grasp {
             dof_parent: model.dof_parentid(),
             dof_body: model.dof_bodyid(),
         };
-        let topology = Topology::new(&tree, palm.index(), &effectors, spec.target.index());
+        let topology = Topology::new(&tree, palm.index(), &indices(&named), spec.target.index());
         if topology.shares_tree(&tree) {
             return Err(Error::TargetInHand { target: name(spec.target), palm: name(palm) });
         }
         if topology.leaf(spec.target.index()).is_none() {
             return Err(Error::StaticTarget(name(spec.target)));
         }
-        let links = if spec.effectors.is_empty() {
+        let links = if named.is_empty() {
             model
                 .bodies()
                 .filter(|b| {
@@ -92,7 +93,7 @@ impl Grasp {
                 })
                 .collect()
         } else {
-            spec.effectors.clone()
+            named
         };
         if links.is_empty() {
             return Err(Error::NoEffectors(name(palm)));

@@ -38,9 +38,14 @@ pub enum Error {
     /// No link could hold the target.
     #[error("no effectors: the palm \"{0}\" has no link below it with a geom; name the effectors, or another palm")]
     NoEffectors(String),
-    /// Neither palm nor effectors are given.
-    #[error("neither a palm nor effectors are given; name at least one of them")]
+    /// Neither palm nor effectors are given, and nothing looks like a hand.
+    #[error(
+        "neither a palm nor effectors are given, and no hand is found: nothing that actuators or mocap bodies drive has two fingers that can touch the target; name the palm or the effectors"
+    )]
     NoHand,
+    /// Neither palm nor effectors are given, and there are several hands.
+    #[error("neither a palm nor effectors are given, and several hands can touch the target; name the palm, one of: {}", .0.join(", "))]
+    SeveralHands(Vec<String>),
     /// A threshold that is not a positive number, or not below the other.
     #[error("{name} is {value} N; {expected}")]
     Threshold {

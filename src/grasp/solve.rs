@@ -309,8 +309,19 @@ struct Relaw {
     start: [f64; MAX_ROWS],
 }
 
+/// Below this nothing moves along a row: a tonne is 1e-3 \[1/kg\].
+const IMMOBILE: f64 = 1e-9;
+
+/// From the mobility of `row`; from that of the block's most mobile direction where nothing can move along `row`, as
+/// across the rail of a target on a slide.
 fn resistance(arrow: &Arrow, block: usize, row: usize) -> f64 {
-    (RESISTANCE * arrow.row_mobility(block, row)).max(f64::MIN_POSITIVE)
+    let own = arrow.row_mobility(block, row);
+    if own > IMMOBILE {
+        return RESISTANCE * own;
+    }
+    let rows = arrow.residual(block).len().min(3);
+    let largest = (0..rows).map(|row| arrow.row_mobility(block, row)).fold(0.0, f64::max);
+    RESISTANCE * if largest > IMMOBILE { largest } else { 1.0 }
 }
 
 fn friction_of_contact(arrow: &Arrow, block: usize, contact: &mut GraspContact) -> Relaw {

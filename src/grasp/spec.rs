@@ -38,7 +38,8 @@ pub struct GraspSpec {
     pub target: BodyId,
     /// Links that may hold it; empty: every link below the palm.
     pub effectors: Vec<BodyId>,
-    /// Base of the fingers; `None`: the lowest common ancestor of the effectors.
+    /// Base of the fingers; `None`: the lowest common ancestor of the effectors, and without any, the only hand that can
+    /// touch the target ([`find_hand`](super::find_hand)).
     pub palm: Option<BodyId>,
     /// Quality at which the grasp latches, `Q_Th` \[N\]; `None`: from the target's weight.
     pub latch_quality: Option<f64>,

@@ -108,6 +108,34 @@ kinds! {
         /// Two tendons are coupled.
         Tendon = mjEQ_TENDON,
     }
+    /// What an actuator acts on.
+    TransmissionKind {
+        /// A joint.
+        Joint = mjTRN_JOINT,
+        /// A joint, in its parent's frame.
+        JointInParent = mjTRN_JOINTINPARENT,
+        /// A joint through a slider-crank.
+        SliderCrank = mjTRN_SLIDERCRANK,
+        /// A tendon.
+        Tendon = mjTRN_TENDON,
+        /// A site.
+        Site = mjTRN_SITE,
+        /// The contacts of a body.
+        Body = mjTRN_BODY,
+    }
+    /// What a tendon passes.
+    WrapKind {
+        /// A joint (fixed tendon).
+        Joint = mjWRAP_JOINT,
+        /// A pulley.
+        Pulley = mjWRAP_PULLEY,
+        /// A site.
+        Site = mjWRAP_SITE,
+        /// A sphere.
+        Sphere = mjWRAP_SPHERE,
+        /// A cylinder.
+        Cylinder = mjWRAP_CYLINDER,
+    }
     /// Type of a constraint row.
     RowKind {
         /// An equality constraint.

@@ -53,7 +53,10 @@ pub use error::{Buffer, Error};
 pub use ids::{
     ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId, SiteId, TendonId,
 };
-pub use kinds::{Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver};
+pub use kinds::{
+    Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver, TransmissionKind,
+    WrapKind,
+};
 pub use model::Model;
 pub use render::{Drawing, Renderer};
 pub use rows::ConstraintRow;

@@ -3,7 +3,7 @@
 use super::compiled::CompiledModel;
 use super::error::{Error, check_value};
 use super::ffi;
-use super::ids::{EqualityId, GeomId, JointId};
+use super::ids::{BodyId, EqualityId, GeomId, JointId};
 use super::kinds::*;
 use super::simulation::Simulation;
 use nalgebra::Vector3;
@@ -120,6 +120,14 @@ impl CompiledModel {
     /// Type of an equality constraint; `None` if it does not exist.
     pub fn equality_kind(&self, id: EqualityId) -> Option<EqualityKind> {
         self.eq_type().get(id.index()).copied().map(EqualityKind::from_raw)
+    }
+
+    /// The two bodies of a connect or weld (the second may be the world); `None` for other constraints.
+    pub fn equality_bodies(&self, id: EqualityId) -> Option<[BodyId; 2]> {
+        let kind = self.equality_kind(id)?;
+        let bodies =
+            [self.eq_obj1id(), self.eq_obj2id()].map(|ids| BodyId::from_index(ids[id.index()].max(0) as usize));
+        matches!(kind, EqualityKind::Connect | EqualityKind::Weld).then_some(bodies)
     }
 }
 

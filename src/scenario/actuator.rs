@@ -1,6 +1,30 @@
-//! Which actuator moves a joint to a position.
+//! Which actuator a name means, and which moves a joint to a position.
 
-use crate::mujoco::{ActuatorId, CompiledModel, JointId};
+use crate::mujoco::{ActuatorId, CompiledModel, Error, JointId, TendonId, TransmissionKind};
+
+/// The actuator of that name; or else the one without a name that acts on the joint or tendon of that name.
+///
+/// # Errors
+/// No such actuator, with the close names that exist.
+pub fn named(model: &CompiledModel, name: &str) -> Result<ActuatorId, Error> {
+    model.actuator(name).or_else(|unknown| {
+        let joint = model.joint(name).ok().map(JointId::index);
+        let tendon = model.tendon(name).ok().map(TendonId::index);
+        let acts = |id: &ActuatorId| {
+            let object = Some(model.actuator_trnid()[2 * id.index()] as usize);
+            match TransmissionKind::from_raw(model.actuator_trntype()[id.index()]) {
+                TransmissionKind::Joint | TransmissionKind::JointInParent => object == joint,
+                TransmissionKind::Tendon => object == tendon,
+                _ => false,
+            }
+        };
+        let mut found = model.actuators().filter(|&id| model.actuator_name(id).is_none()).filter(acts);
+        match (found.next(), found.next()) {
+            (Some(only), None) => Ok(only),
+            _ => Err(unknown),
+        }
+    })
+}
 
 /// The actuator that drives a joint to a position: it rests at joint value q, with torque t on the joint, for
 /// `ctrl = scale q + offset + compliance t`.

@@ -49,7 +49,7 @@ pub struct GraspEntry {
     /// Links that may hold it; left out: every link below the palm.
     #[serde(default)]
     pub effectors: Vec<String>,
-    /// Base of the fingers; left out: the lowest common ancestor of the effectors.
+    /// Base of the fingers; left out: the lowest common ancestor of the effectors, or the only hand that can touch the target.
     #[serde(default)]
     pub palm: Option<String>,
     /// Q_Th \[N\]: the grasp latches at this quality.
@@ -117,7 +117,7 @@ pub struct ControlEntry {
     /// Sets every actuator, before `set`.
     #[serde(default)]
     pub all: Option<f64>,
-    /// Actuator name -> target, in the actuator's own unit.
+    /// Actuator name (for an actuator without one, that of its joint or tendon) -> target, in the actuator's own unit.
     #[serde(default)]
     pub set: BTreeMap<String, f64>,
 }
@@ -242,9 +242,6 @@ impl ScenarioFile {
 impl GraspEntry {
     fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
         let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
-        if self.effectors.is_empty() && self.palm.is_none() {
-            return Err(at("palm").wrong("is missing, and so are the effectors; give the palm, the effectors, or both"));
-        }
         let mut seen = BTreeSet::new();
         for (i, effector) in self.effectors.iter().enumerate() {
             if *effector == self.target {

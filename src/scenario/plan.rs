@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
+use super::actuator;
 use super::control::Entry;
 use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
 use super::source::Source;
-use crate::grasp::{GraspSpec, Limits, weld_xml};
+use crate::grasp::{GraspSpec, Limits, find_hand, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
 /// A scenario whose every name exists on its model.
@@ -130,7 +131,7 @@ impl Plan {
         for (i, entry) in file.control.iter().enumerate() {
             let mut set = Vec::new();
             for (name, &value) in &entry.set {
-                let id = model.actuator(name).map_err(|e| at(format!("control[{i}].set")).unknown(e))?;
+                let id = actuator::named(&model, name).map_err(|e| at(format!("control[{i}].set")).unknown(e))?;
                 set.push((id.index(), value));
             }
             controls.push(Entry { time: entry.time, all: entry.all, set });
@@ -245,6 +246,11 @@ fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &GraspEntry) -
     }
     let palm = match &entry.palm {
         Some(name) => body("palm", name)?,
+        None if effectors.is_empty() => {
+            let palm;
+            (palm, effectors) = find_hand(model, target).map_err(|e| at("palm").wrong(format!("is missing: {e}")))?;
+            palm
+        }
         None => common_ancestor(model, &effectors),
     };
     for (i, effector) in effectors.iter().enumerate() {
@@ -252,7 +258,7 @@ fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &GraspEntry) -
             return Err(at("palm").wrong(format!(
                 "{} is not above the effector \"{}\" in the kinematic tree; give a common ancestor of the effectors, as {}",
                 label(model, palm.index()),
-                entry.effectors[i],
+                entry.effectors[i], // only named ones can be elsewhere
                 label(model, common_ancestor(model, &effectors).index()),
             )));
         }
