@@ -7,8 +7,13 @@ use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Header versions (`mjVERSION_HEADER`) that `src/mujoco/compat.rs` knows.
-const SUPPORTED: &[u32] = &[222];
+/// Header versions (`mjVERSION_HEADER`) with which all tests pass; others are tried, with a warning.
+const TESTED: &[u32] = &[222, 3_017_000];
+/// The oldest that is tried, besides 2.2.2: older ones differ in ways that `src/mujoco/compat` does not know.
+const OLDEST: u32 = 330;
+
+/// Names with which the crate's code asks for a version: set from that version on.
+const FLAGS: &[(&str, u32)] = &[("mujoco3", 300)];
 
 /// Where MuJoCo is: an include folder that holds `mujoco/mujoco.h`, and one library file.
 struct Installation {
@@ -30,13 +35,32 @@ fn main() {
     println!("cargo::rerun-if-changed={}", found.library.display());
 
     let version = header_version(&headers.join("mujoco.h")).unwrap_or_else(|why| fail(&why));
-    if !SUPPORTED.contains(&version) {
-        fail(&format!(
-            "the headers in {} are of MuJoCo {}; this version of mujoco-grasp supports 2.2.2 (Debian 12's \
-             libmujoco-dev). Point MUJOCO_DIR to such an installation, or unset it to use Debian's package",
+    for (flag, from) in FLAGS {
+        println!("cargo::rustc-check-cfg=cfg({flag})");
+        if version >= *from {
+            println!("cargo::rustc-cfg={flag}");
+        }
+    }
+    if !TESTED.contains(&version) {
+        if version < OLDEST {
+            fail(&format!(
+                "the headers in {} are of MuJoCo {}; mujoco-grasp works with 2.2.2 (Debian 12's libmujoco-dev) and \
+                 with {} or later (tested: {}). Point MUJOCO_DIR to such an installation, or unset it to use Debian's \
+                 package",
+                headers.display(),
+                readable(version),
+                readable(OLDEST),
+                tested()
+            ));
+        }
+        println!(
+            "cargo::warning=MuJoCo {} ({}) is not among the versions that mujoco-grasp is tested with ({}). It is \
+             tried; if the compiler reports errors in src/mujoco, this version differs too much, and MUJOCO_DIR \
+             should point to a tested one",
+            readable(version),
             headers.display(),
-            readable(version)
-        ));
+            tested()
+        );
     }
     generate(&found.include);
     link(&found);
@@ -110,6 +134,10 @@ fn header_version(header: &Path) -> Result<u32, String> {
     text.lines()
         .find_map(|line| line.strip_prefix("#define mjVERSION_HEADER")?.split_whitespace().next()?.parse().ok())
         .ok_or_else(|| format!("{} does not define mjVERSION_HEADER", header.display()))
+}
+
+fn tested() -> String {
+    TESTED.iter().map(|version| readable(*version)).collect::<Vec<_>>().join(", ")
 }
 
 /// 222 is 2.2.2; from 3.5 on the number is written 3005000.

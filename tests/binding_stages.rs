@@ -203,7 +203,9 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
                 let long = format!("<mujoco><include file='{}.xml'/></mujoco>", "x".repeat(1200));
                 for step in 0..20 {
                     if i % 2 == 0 {
-                        assert!(matches!(Model::from_xml_string(&long), Err(Error::Engine { .. })));
+                        // In 2.2.2 a fault of the engine; 3.x only says that there is no such file.
+                        let error = Model::from_xml_string(&long).unwrap_err();
+                        assert!(matches!(error, Error::Engine { .. }) != cfg!(mujoco3), "{error}");
                     } else {
                         let mut sim = Simulation::new(&scene()).unwrap();
                         drive(&mut sim, step);

@@ -176,7 +176,9 @@ fn parallel_grippers() {
     let mut table = Table::new("A box in a parallel gripper");
     for cone in [ELLIPTIC, PYRAMIDAL] {
         let gripper = gripper(Pad::Face).scene([[8.0, 0.0, 0.0], [6.0, 2.0, -3.0]]).with(ELLIPTIC, cone);
-        table.row(&format!("two actuators, {}", short(cone)), &gripper, (0.0025, 0.001));
+        // On 3.17 the pads' contacts under a pyramid differ by 0.37 % of the motion; in one step they agree to 3e-14.
+        let allowed = if cfg!(mujoco3) { 0.005 } else { 0.0025 };
+        table.row(&format!("two actuators, {}", short(cone)), &gripper, (allowed, 0.001));
         let mimic = gripper
             .with("<actuator>", r#"<equality><joint joint1="f1" joint2="f0"/></equality><actuator>"#)
             .with(r#"<position name="f1" joint="f1" kp="2000"/>"#, "")

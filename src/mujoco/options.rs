@@ -1,5 +1,6 @@
 //! Physics options: read from any model, set on a simulation's own.
 
+use super::compat;
 use super::compiled::CompiledModel;
 use super::error::{Error, check_value};
 use super::ffi;
@@ -146,8 +147,8 @@ impl Simulation {
 
     /// Sets the integrator.
     pub fn set_integrator(&mut self, integrator: Integrator) -> Result<(), Error> {
-        self.options_mut().integrator =
-            known(integrator.raw(), matches!(integrator, Integrator::Other(_)), "integrator")?;
+        let unknown = matches!(integrator, Integrator::Other(_)) || !compat::has_integrator(integrator.raw());
+        self.options_mut().integrator = known(integrator.raw(), unknown, "integrator")?;
         Ok(())
     }
 
@@ -238,14 +239,18 @@ impl Simulation {
 }
 
 fn known(raw: i32, unknown: bool, what: &'static str) -> Result<i32, Error> {
-    if unknown { Err(Error::Unsupported(format!("MuJoCo 2.2.2 has no {what} number {raw}"))) } else { Ok(raw) }
+    if unknown {
+        Err(Error::Unsupported(format!("MuJoCo {} has no {what} number {raw}", compat::header_version())))
+    } else {
+        Ok(raw)
+    }
 }
 
 fn count(what: &'static str, value: usize, least: usize) -> Result<i32, Error> {
-    let most = ffi::mjNSOLVER as usize;
+    const MOST: usize = 1000; // Of these 2.2.2 keeps statistics.
     let rule = if least == 0 { "from 0 to 1000" } else { "from 1 to 1000" };
     match i32::try_from(value) {
-        Ok(number) if (least..=most).contains(&value) => Ok(number),
+        Ok(number) if (least..=MOST).contains(&value) => Ok(number),
         _ => Err(Error::Value { what, value: value as f64, rule }),
     }
 }
