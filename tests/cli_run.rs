@@ -133,7 +133,16 @@ fn a_hand_that_never_touches_is_a_result_with_a_warning() {
     assert!(pair["grasp"]["latched_at_s"].is_null() && pair["grasp"]["quality_at_latch_n"].is_null());
     assert_eq!(pair["full"]["normal_force_total_n"], 0.0);
     assert!(pair["compare"]["normal_force_relative_error"].is_null());
-    assert!(called.stderr.contains("never latched"), "{}", called.stderr);
+    assert!(called.stderr.contains("never latched") && called.stderr.contains("no effector"), "{}", called.stderr);
+}
+
+#[test]
+fn contacts_that_the_model_switches_off_are_named() {
+    let options = r#"noslip_iterations="50"/>"#;
+    let flag = r#"noslip_iterations="50"><flag contact="disable"/></option>"#;
+    let (folder, scenario) = changed_claw(&[(options, flag)], &[]);
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--mode", "grasp"]);
+    assert!(called.stderr.contains("never latched") && called.stderr.contains("flags"), "{}", called.stderr);
 }
 
 #[test]

@@ -14,7 +14,7 @@ fn close(value: f64, expected: f64, what: &str) {
 
 #[test]
 fn humanoid_has_63_joint_degrees_of_freedom_and_a_fixed_pelvis() {
-    for file in ["clutch.xml", "pinch.xml"] {
+    for file in ["clutch.xml", "pinch.xml", "carry.xml"] {
         let model = load(file);
         assert_eq!(model.nv(), 63 + 6, "{file}: 63 and the free target");
         let pelvis = model.body("pelvis").expect("pelvis");
@@ -101,6 +101,29 @@ fn targets_are_a_ball_of_200_g_and_a_phone_of_100_g_with_goal_sites() {
         let [x, _, z] = [0, 1, 2].map(|k| model.site_pos()[3 * site + k]);
         assert!(x.hypot(z) < 1e-3, "goal_{finger} is {} m beside the centre", x.hypot(z));
     }
+}
+
+/// Ours: models/README.md.
+#[test]
+fn carry_has_a_bottle_of_150_g_on_four_feet_that_only_it_makes_contacts_with() {
+    let model = load("carry.xml");
+    let bottle = model.body("bottle").expect("the bottle");
+    close(model.body_mass()[bottle.index()], 0.15, "bottle [kg]");
+    assert!(model.free_joint_of(bottle).is_some());
+    let first = model.body_geomadr()[bottle.index()] as usize;
+    let kinds = (first..first + model.body_geomnum()[bottle.index()] as usize).map(|g| {
+        let geom = model.geoms().nth(g).expect("a geom");
+        model.geom_kind(geom).expect("a kind")
+    });
+    let expected = [GeomKind::Capsule, GeomKind::Sphere, GeomKind::Sphere, GeomKind::Sphere, GeomKind::Sphere];
+    assert_eq!(kinds.collect::<Vec<_>>(), expected);
+    // table and block belong to the world, and only the bottle has contype 1
+    for (g, &contype) in model.geom_contype().iter().enumerate() {
+        assert_eq!(contype == 1, model.geom_bodyid()[g] as usize == bottle.index(), "geom {g}");
+    }
+    // as they stand in the keyframe: the bottle upright, its feet on the table
+    let height = model.key_qpos()[model.key_qpos().len() - 5];
+    assert!((height - (1.05 + 0.08)).abs() < 1e-4, "the bottle's middle is at {height} m");
 }
 
 /// The whole man: 73.0 kg of de Leva (1996), within what the thesis's own arms and hands change.

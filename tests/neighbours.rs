@@ -3,10 +3,12 @@
 
 #[path = "common/claw.rs"]
 mod claw;
+#[path = "common/one_step.rs"]
+mod one_step;
 
 use claw::Claw;
-use mujoco_grasp::grasp::{self, Phase};
-use mujoco_grasp::mujoco::{Model, Simulation, Solver};
+use mujoco_grasp::grasp::Phase;
+use mujoco_grasp::mujoco::Model;
 use nalgebra::Vector3;
 
 const DEFAULT_JOINT: &str = r#"<joint damping="0.05" armature="0"/>"#;
@@ -22,38 +24,11 @@ fn claw_with(changes: &[(&str, &str)]) -> Claw {
     Claw::closed_from(&Model::from_xml_string(&xml).expect("a model"), |_, _| {})
 }
 
-/// The engine's own solve of the step that `sim` is about to make, with Newton's method to the last digit.
-fn engine(sim: &Simulation) -> Simulation {
-    let mut exact = sim.clone();
-    exact.set_solver(Solver::Newton).expect("Newton");
-    exact.set_noslip_iterations(0).expect("no noslip");
-    exact.set_iterations(300).expect("iterations");
-    exact.set_tolerance(0.0).expect("a tolerance");
-    grasp::step(&mut exact, &mut []).expect("a step");
-    exact
-}
-
 /// Largest difference of a normal force, relative to the largest normal force; and the rows beside the grasp's.
 fn worst_difference(claw: &mut Claw) -> (f64, usize) {
-    let exact = engine(&claw.sim);
+    let exact = one_step::engine(&claw.sim);
     claw.step();
-    let (mut worst, mut largest) = (0.0f64, 0.0f64);
-    for contact in claw.grasp().contacts() {
-        let (i, _) = exact
-            .contacts()
-            .enumerate()
-            .filter(|(_, c)| c.geoms.map(|g| g.index()) == [contact.geoms.0, contact.geoms.1])
-            .min_by(|(_, a), (_, b)| {
-                let distance = |c: &mujoco_grasp::mujoco::Contact| (c.position - contact.position).norm();
-                distance(a).total_cmp(&distance(b))
-            })
-            .expect("the same contact");
-        let on_body2 = exact.contact_force(i).expect("a force").force;
-        let normal = on_body2.dot(&contact.axes[0]) * if contact.target_first { -1.0 } else { 1.0 };
-        worst = worst.max((normal - contact.normal_force()).abs());
-        largest = largest.max(normal);
-    }
-    (worst / largest, claw.sim.nefc())
+    (one_step::difference(&exact, claw.grasp().contacts()), claw.sim.nefc())
 }
 
 fn compare(name: &str, changes: &[(&str, &str)], needs_rows: bool) {

@@ -143,11 +143,6 @@ impl Arrow {
         self.factors.resize(branch.square0 + branch.width * branch.width, 0.0);
     }
 
-    /// Number of blocks.
-    pub fn block_count(&self) -> usize {
-        self.blocks.len()
-    }
-
     /// The law of block `block`.
     pub fn law(&self, block: usize) -> &Law {
         &self.blocks[block].law

@@ -113,11 +113,6 @@ impl Branches {
         self.gather(neighbours);
     }
 
-    /// The branches of this step.
-    pub fn iter(&self) -> impl Iterator<Item = &Branch> {
-        self.branches[..self.used].iter()
-    }
-
     /// Number of branches.
     pub fn count(&self) -> usize {
         self.used
@@ -131,11 +126,6 @@ impl Branches {
     /// Neighbours that move palm or target but no other joint.
     pub fn free(&self) -> &[usize] {
         &self.free
-    }
-
-    /// The fingers of a branch.
-    pub fn fingers<'a>(&'a self, branch: &'a Branch) -> impl Iterator<Item = usize> + 'a {
-        branch.nodes.iter().copied().filter(|&node| node < self.fingers)
     }
 
     /// Number of joints of a branch.

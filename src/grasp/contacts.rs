@@ -44,6 +44,8 @@ pub struct GraspContact {
     pub zones: [Zone; 2],
     /// Force of each row in the pass with soft contacts.
     pub(super) main: [f64; 6],
+    /// True if the grasp's solver solved it, in both passes.
+    pub(super) solved: bool,
     /// Tangential velocity of the target relative to the link \[m/s\].
     pub slip_velocity: Vector3<f64>,
     /// The same contact in the last step, if it existed.
@@ -57,6 +59,8 @@ pub(super) struct Memory {
     pub main: [f64; 6],
     /// Friction: two tangents, spin, two rolling.
     pub friction: [f64; 5],
+    /// What the friction pass changed in it; `None` if the engine solved the contact.
+    pub correction: Option<[f64; 5]>,
     /// Where on its cone it was.
     pub zones: [Zone; 2],
 }
@@ -179,6 +183,7 @@ impl GraspContact {
             torque: Vector3::zeros(),
             zones: [Zone::Open; 2],
             main: [0.0; 6],
+            solved: false,
             slip_velocity: Vector3::zeros(),
             memory: None,
         })
@@ -217,12 +222,19 @@ impl ContactSet {
             .iter()
             .filter(|c| c.geoms == contact.geoms)
             .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let friction = before.force - before.axes[0] * before.force_rows[0];
-        let [n, t1, t2] = &contact.axes;
-        let torque = &before.torque;
+        let rows = |force: &Vector3<f64>, torque: &Vector3<f64>| -> [f64; 5] {
+            let [n, t1, t2] = &contact.axes;
+            [force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)]
+        };
+        let [n, t1, t2] = &before.axes;
+        let (f, main) = (&before.force_rows, &before.main);
+        let friction = (before.force - n * f[0], before.torque);
+        let soft = (t1 * main[1] + t2 * main[2], n * main[3] + t1 * main[4] + t2 * main[5]);
+        let correction = rows(&(friction.0 - soft.0), &(friction.1 - soft.1));
         Some(Memory {
-            main: before.main,
-            friction: [friction.dot(t1), friction.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)],
+            main: *main,
+            friction: rows(&friction.0, &friction.1),
+            correction: before.solved.then_some(correction),
             zones: before.zones,
         })
     }

@@ -67,13 +67,6 @@ impl Neighbours {
         Ok(())
     }
 
-    /// No rows, for a solve of the grasp alone.
-    pub fn clear(&mut self) {
-        self.list.clear();
-        self.jacobian.clear();
-        self.bias.clear();
-    }
-
     /// The constraints of this step.
     pub fn list(&self) -> &[Neighbour] {
         &self.list
@@ -113,23 +106,23 @@ impl Neighbours {
     ) -> (Law, Zone) {
         let friction_pass = self.friction_pass;
         let n = &mut self.list[i];
-        let is_new = !std::mem::replace(&mut n.solved, true) && n.main == [0.0; MAX_ROWS];
+        n.solved = true;
+        // friction starts from that of the first pass, corrected as in the last step
+        let start: [f64; MAX_ROWS] = std::array::from_fn(|row| force[row] + n.force[row] - n.main[row]);
         (n.main, n.zones[0]) = (*force, zone);
         if let Law::Pyramidal { stiffness, friction } = n.law {
             n.pairs = pyramid_pairs(jar, stiffness, &friction);
         }
-        // friction starts from its last force, and where there is none from that of the first pass
-        let last = if is_new { *force } else { n.force };
         n.force = *force;
         let mut centre = [0.0; 5];
-        centre.copy_from_slice(&last[1..]);
+        centre.copy_from_slice(&start[1..]);
         let law = match n.law {
             Law::Elliptic { friction, .. } if friction_pass => {
                 Law::slip_ellipsoid(centre, resistance, friction, force[0])
             }
             Law::Pyramidal { friction, .. } if friction_pass => Law::slip_box(centre, resistance, friction, n.pairs),
             Law::Bounded { limit, .. } if friction_pass && limit.is_finite() => {
-                Law::Bounded { centre: last[0], stiffness: 1.0 / resistance, limit }
+                Law::Bounded { centre: start[0], stiffness: 1.0 / resistance, limit }
             }
             _ => Law::Still,
         };

@@ -4,7 +4,8 @@
 //!
 //! 1. *Main*: the convex problem with MuJoCo's contact softness gives the normal forces.
 //! 2. *Noslip*: with the normal forces fixed, friction is solved without softness, as MuJoCo's noslip pass does, but to
-//!    convergence: a proximal step around last step's friction force. A still grasp does not creep.
+//!    convergence: a proximal step around the friction of the first pass, corrected as in the last step. A still grasp
+//!    does not creep, and what the motion does not decide (several contacts on one link) is as the first pass has it.
 //!
 //! Other constraints that move with hand or target (neighbours) are part of both passes.
 
@@ -173,8 +174,9 @@ impl GraspSolver {
         self.arrow.begin_branch();
         let joints = self.branches.joints(self.branches.branch(k));
         self.own_rows.clear();
-        for finger in 0..self.mobility.fingers.len() {
-            if !self.branches.branch(k).nodes.contains(&finger) {
+        for n in 0..self.branches.branch(k).nodes.len() {
+            let finger = self.branches.branch(k).nodes[n];
+            if finger >= self.mobility.fingers.len() {
                 continue;
             }
             self.mobility.fingers[finger].update(dynamics);
@@ -301,15 +303,21 @@ fn friction_of_contact(arrow: &Arrow, block: usize, contact: &mut GraspContact) 
     contact.force_rows = [0.0; MAX_ROWS];
     contact.force_rows[0] = response.force[0];
     contact.main = response.force;
+    contact.solved = true;
     contact.zones[0] = response.zone;
 
-    let (centre, zone) = match contact.memory() {
-        Some(Memory { friction, zones, .. }) => (*friction, zones[1]),
-        None => {
-            let mut centre = [0.0; 5];
-            centre.copy_from_slice(&response.force[1..]);
-            (centre, Zone::Stick)
+    let mut centre = [0.0; 5];
+    centre.copy_from_slice(&response.force[1..]);
+    let zone = match contact.memory() {
+        Some(Memory { correction: Some(correction), zones, .. }) => {
+            centre.iter_mut().zip(correction).for_each(|(centre, correction)| *centre += correction);
+            zones[1]
         }
+        Some(Memory { friction, zones, .. }) => {
+            centre = *friction;
+            zones[1]
+        }
+        None => Zone::Stick,
     };
     let resistance = resistance(arrow, block, rows.min(2) - 1);
     let friction = contact.parameters.friction;

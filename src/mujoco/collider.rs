@@ -43,6 +43,17 @@ struct Probe {
     boxes: bool,
     /// No contact beyond this distance, m.
     reach: f64,
+    /// A box in the pair: a long one's bounding sphere says little.
+    slab: Option<Slab>,
+}
+
+/// A box, and how far from it the centre of the other geom's bounding sphere may be.
+#[derive(Debug, Clone, Copy)]
+struct Slab {
+    geom: u32,
+    other: u32,
+    half: [f64; 3],
+    reach: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -157,7 +168,14 @@ impl Probe {
         } else {
             (Bound::Nothing, f64::INFINITY)
         };
-        Self { geoms: pair.geoms.map(|geom| geom as u32), test, boxes: kinds == [ffi::mjGEOM_BOX as i32; 2], reach }
+        let is_box = kinds.map(|kind| kind == ffi::mjGEOM_BOX as i32);
+        let slab = (test == Bound::Spheres).then(|| is_box.iter().position(|&is| is)).flatten().map(|first| {
+            let [geom, other] = [pair.geoms[first], pair.geoms[1 - first]];
+            let size = &sim.model().geom_size()[3 * geom..3 * geom + 3];
+            let reach = (sim.model().geom_rbound()[other] + margin) * (1.0 + ROUNDING);
+            Slab { geom: geom as u32, other: other as u32, half: [size[0], size[1], size[2]], reach }
+        });
+        Self { geoms: pair.geoms.map(|geom| geom as u32), test, boxes: is_box == [true; 2], reach, slab }
     }
 
     /// # Safety
@@ -179,7 +197,37 @@ impl Probe {
             Bound::Nothing => return true,
         };
         // Like the engine, a pose that is not a number goes on.
-        !(distance > self.reach)
+        // SAFETY: the box and its partner are this probe's geoms.
+        !(distance > self.reach) && self.slab.is_none_or(|slab| unsafe { slab.may_touch(d) })
+    }
+}
+
+/// More than rounding can add to a distance, relative.
+const ROUNDING: f64 = 1e-9;
+
+impl Slab {
+    /// Whether the other geom's bounding sphere comes near the box.
+    ///
+    /// # Safety
+    /// `d` is valid and has both geoms.
+    #[inline]
+    unsafe fn may_touch(&self, d: *const ffi::mjData) -> bool {
+        // SAFETY: three and nine numbers per geom.
+        let (centre, other, axes) = unsafe {
+            (
+                *(*d).geom_xpos.add(3 * self.geom as usize).cast::<[f64; 3]>(),
+                *(*d).geom_xpos.add(3 * self.other as usize).cast::<[f64; 3]>(),
+                *(*d).geom_xmat.add(9 * self.geom as usize).cast::<[f64; 9]>(),
+            )
+        };
+        let away: [f64; 3] = std::array::from_fn(|i| other[i] - centre[i]);
+        let outside = |i: usize| {
+            let along = away[0] * axes[i] + away[1] * axes[3 + i] + away[2] * axes[6 + i];
+            (along.abs() - self.half[i]).max(0.0)
+        };
+        let square: f64 = (0..3).map(|i| outside(i) * outside(i)).sum();
+        // The same for a pose that is not a number (whose outside `max` turns into zero).
+        !(square > self.reach * self.reach)
     }
 }
 

@@ -34,4 +34,10 @@ pub const ALL: &[Builtin] = &[
         toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/pinch.toml")),
         models: &[model!("pinch.xml"), model!("humanoid.xml"), model!("studio.xml")],
     },
+    Builtin {
+        name: "carry",
+        path: "scenarios/carry.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/carry.toml")),
+        models: &[model!("carry.xml"), model!("humanoid.xml"), model!("studio.xml")],
+    },
 ];

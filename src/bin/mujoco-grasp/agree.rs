@@ -8,13 +8,12 @@ use mujoco_grasp::mujoco;
 use mujoco_grasp::scenario::agree::{Ground, TRIALS_PER_ONSET};
 use mujoco_grasp::scenario::draw::directions;
 use mujoco_grasp::scenario::plan::Plan;
-use mujoco_grasp::scenario::run::Options;
 use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
 use serde::Serialize;
 
 use crate::output::{Output, complain, number, table};
 use crate::progress::Progress;
-use crate::run::LimitsArg;
+use crate::run::Overrides;
 use crate::scatters;
 
 /// `agree SCENARIO`
@@ -31,12 +30,8 @@ pub struct Args {
     /// Folder for tables and pictures [default: out/NAME]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Bounds every grasp in this way, whatever the scenario says.
-    #[arg(long, value_enum)]
-    limits: Option<LimitsArg>,
-    /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
-    noslip: Option<u16>,
+    #[command(flatten)]
+    overrides: Overrides,
     /// Draws no pictures.
     #[arg(long)]
     no_pictures: bool,
@@ -60,8 +55,8 @@ struct Report<'a> {
 
 /// Random pushes in both modes.
 pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let plan = Plan::load_with(&args.scenario, args.limits.map(LimitsArg::limits))?;
-    let ground = Ground::new(&plan, Options { noslip: args.noslip.map(usize::from) })?;
+    let plan = Plan::load_with(&args.scenario, args.overrides.limits())?;
+    let ground = Ground::new(&plan, args.overrides.options())?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     if !ground.is_latched() {

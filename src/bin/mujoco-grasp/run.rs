@@ -33,12 +33,8 @@ pub struct Args {
     /// Folder for trajectories and pictures [default: out/NAME]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Bounds every grasp in this way, whatever the scenario says.
-    #[arg(long, value_enum)]
-    limits: Option<LimitsArg>,
-    /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
-    noslip: Option<u16>,
+    #[command(flatten)]
+    overrides: Overrides,
     /// Multiplies every push.
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
     scale_push: f64,
@@ -51,6 +47,29 @@ pub struct Args {
     /// Writes no plots and renders no frames.
     #[arg(long)]
     no_pictures: bool,
+}
+
+/// What the command line puts in the place of the scenario's or the model's.
+#[derive(Debug, clap::Args)]
+pub struct Overrides {
+    /// Bounds every grasp in this way, whatever the scenario says.
+    #[arg(long, value_enum)]
+    limits: Option<LimitsArg>,
+    /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
+    noslip: Option<u16>,
+}
+
+impl Overrides {
+    /// Bounds of every grasp.
+    pub fn limits(&self) -> Option<Limits> {
+        self.limits.map(LimitsArg::limits)
+    }
+
+    /// Options of the runs.
+    pub fn options(&self) -> Options {
+        Options { noslip: self.noslip.map(usize::from) }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -107,8 +126,8 @@ struct Report<'a> {
 
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let options = Options { noslip: args.noslip.map(usize::from) };
-    let limits = args.limits.map(LimitsArg::limits);
+    let options = args.overrides.options();
+    let limits = args.overrides.limits();
     let mut plan = Plan::load_with(&args.scenario, limits)?.scale_pushes(args.scale_push)?;
     if let Some(duration) = args.duration {
         plan = plan.lasting(duration)?;
@@ -130,7 +149,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let pairs = pairs?;
 
     let runs = || pairs.iter().flat_map(|p| [&p.full, &p.grasp]).flatten();
-    runs().for_each(warn);
+    runs().for_each(|run| warn(run, plan.model.has_contacts()));
     let failures: Vec<String> = runs().filter_map(|r| r.error.as_ref()).map(ToString::to_string).collect();
     failures.iter().for_each(|message| complain("error", message));
     let error = (!failures.is_empty()).then(|| failures.join("; "));
@@ -179,15 +198,22 @@ fn scale_to_onset(mut plan: Plan, share: f64, selection: &str, options: Options)
 }
 
 /// Says what the numbers do not show.
-fn warn(run: &Run) {
+fn warn(run: &Run, contacts: bool) {
     for warning in &run.warnings {
         complain("warning", &format!("{}: {warning}", run.stem()));
     }
     if run.mode == Mode::Grasp && run.summary.latched_at_s.is_none() && run.error.is_none() {
+        let why = if !contacts {
+            ": the model's flags switch contacts or constraints off"
+        } else if run.best_quality == 0.0 {
+            ": no effector pressed on the target, or its contacts cannot hold it in every direction"
+        } else {
+            ""
+        };
         complain(
             "warning",
             &format!(
-                "{}: the grasp never latched: its quality reached {:.4} N, and it takes {:.4} N (latch_quality)",
+                "{}: the grasp never latched: its quality reached {:.4} N, and it takes {:.4} N (latch_quality){why}",
                 run.stem(),
                 run.best_quality,
                 run.latch_quality

@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 use pulp::Arch;
 
 /// Gradient norm, relative to the largest term in it, below which a point counts as the minimum.
-const TOLERANCE: f64 = 1e-7;
+const TOLERANCE: f64 = 1e-6;
 /// Newton iterations before giving up. Warm-started steps take one or two; while many contacts begin and cease to slide,
 /// one step in some thousands takes 60 to 150. Giving up is dear: one step of unsolved friction puts the target up to
 /// millimetres off.

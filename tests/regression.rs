@@ -1,0 +1,111 @@
+//! Grasped runs against stored references: MuJoCo's full contact solve of every built-in scenario and push, 1000 noslip
+//! iterations (`tests/data/reference`, made by `cargo run --release --example references -- tests/data/reference`).
+//!
+//! A change of the grasp layer, of the models or of the scenarios shows here. Bounds are two to three times what was
+//! measured; differences below 1 um (the rounding of the references) count as none.
+
+use mujoco_grasp::scenario::builtin;
+use mujoco_grasp::scenario::plan::Plan;
+use mujoco_grasp::scenario::run::{Observer, Options, run};
+use mujoco_grasp::scenario::runner::Mode;
+use nalgebra::Vector3;
+
+/// Beyond this the target counts as lost, and motions are no longer compared \[m\].
+const LOST: f64 = 0.05;
+
+/// One instant of a run.
+struct Row {
+    time: f64,
+    position: Vector3<f64>,
+    normal_forces: Vec<f64>,
+}
+
+fn reference(name: &str) -> Vec<Row> {
+    let path = format!("{}/tests/data/reference/{name}.csv", env!("CARGO_MANIFEST_DIR"));
+    let mut file = csv::Reader::from_path(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
+    let row = |record: csv::StringRecord| {
+        let numbers: Vec<f64> = record.iter().map(|x| x.parse().expect("a number")).collect();
+        let position = Vector3::new(numbers[1], numbers[2], numbers[3]);
+        Row { time: numbers[0], position, normal_forces: numbers[4..].to_vec() }
+    };
+    file.records().map(|record| row(record.expect("a row"))).collect()
+}
+
+/// The grasped run at the reference's instants.
+fn grasped(plan: &Plan, push: &str, reference: &[Row]) -> Vec<Row> {
+    let pushes = plan.select_pushes(push).expect("the push");
+    let options = Options { noslip: Some(1000) };
+    let run = run(plan, Mode::Grasp, pushes[0], options, &Observer::NOBODY).expect("a run");
+    assert!(run.error.is_none(), "{:?}", run.error);
+    assert!(run.summary.latched_at_s.is_some(), "{push}: never latched");
+    let at = |time: f64| {
+        let i = run.trajectory.index_at(time).expect("the same length");
+        let sample = run.trajectory.samples()[i];
+        Row { time, position: sample.position, normal_forces: run.trajectory.normal_forces(i).to_vec() }
+    };
+    reference.iter().map(|row| at(row.time)).collect()
+}
+
+/// RMS distance of the motions \[m\], relative RMS difference of the normal forces, and instants compared.
+fn difference(a: &[Row], b: &[Row]) -> (f64, f64, usize) {
+    let (mut motion, mut force, mut scale, mut count) = (0.0, 0.0, 0.0, 0);
+    for (x, y) in a.iter().zip(b) {
+        let (da, db) = (x.position - a[0].position, y.position - b[0].position);
+        if da.norm().max(db.norm()) > LOST {
+            break;
+        }
+        motion += (da - db).norm_squared();
+        force += x.normal_forces.iter().zip(&y.normal_forces).map(|(f, g)| (f - g).powi(2)).sum::<f64>();
+        scale += x.normal_forces.iter().map(|f| f * f).sum::<f64>();
+        count += 1;
+    }
+    ((motion / count as f64).sqrt(), (force / scale).sqrt(), count)
+}
+
+fn follows(scenario: &str, push: &str, motion: f64, force: f64, instants: usize) {
+    let plan = Plan::load(scenario).expect("a built-in scenario");
+    let full = reference(&format!("{scenario}-{push}"));
+    let grasped = grasped(&plan, push, &full);
+    let (apart, forces, count) = difference(&full, &grasped);
+    println!("{scenario} {push}: {:.4} mm apart, normal forces {:.4} %, {count} instants", apart * 1e3, forces * 100.0);
+    assert!(count >= instants, "{scenario} {push}: lost after {count} instants");
+    assert!(apart < motion.max(1e-6), "{scenario} {push}: {apart} m apart");
+    assert!(forces < force, "{scenario} {push}: normal forces differ by {forces}");
+}
+
+#[test]
+fn clutch_pushed_into_the_palm() {
+    follows("clutch", "fp1", 1e-6, 1e-3, 170);
+}
+
+#[test]
+fn clutch_pushed_down() {
+    follows("clutch", "fp2", 1e-6, 1e-3, 170);
+}
+
+#[test]
+fn pinch_pushed_along_the_glass() {
+    follows("pinch", "fp1", 1e-6, 1e-3, 20);
+}
+
+#[test]
+fn pinch_pushed_down() {
+    follows("pinch", "fp2", 1e-6, 1e-3, 20);
+}
+
+#[test]
+fn carried_to_another_place() {
+    // two contacts of one link share friction in ways that the motion does not decide
+    follows("carry", "none", 3e-4, 0.08, 100);
+}
+
+#[test]
+fn every_scenario_and_push_has_a_reference() {
+    for scenario in builtin::ALL {
+        let plan = Plan::load(scenario.name).expect("a built-in scenario");
+        for push in plan.select_pushes("all").expect("pushes") {
+            let rows = reference(&format!("{}-{}", scenario.name, push.map_or("none", |p| &p.name)));
+            assert!(rows.len() > 100, "{}", scenario.name);
+        }
+    }
+}
