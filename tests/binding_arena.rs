@@ -1,7 +1,8 @@
-//! MuJoCo 3 keeps contacts, rows and its stack in one arena: whatever does not fit in it is an error.
+//! MuJoCo 3 keeps contacts, rows and its stack in one arena: whatever does not fit in it is an error. What the crate does
+//! not do with it is one, too.
 #![cfg(mujoco3)]
 
-use mujoco_grasp::mujoco::{Buffer, Error, Model, Simulation};
+use mujoco_grasp::mujoco::{Buffer, Error, Model, PairCollider, Simulation};
 
 /// One body of many balls on a plane: contacts take more memory than anything else.
 fn brush(memory: usize) -> Result<Simulation, Error> {
@@ -64,6 +65,13 @@ fn what_the_crate_does_not_handle_is_refused_by_name() {
     let flex = "<mujoco><worldbody><flexcomp name='f' type='grid' count='3 3 1' spacing='.1 .1 .1' dim='2'/></worldbody></mujoco>";
     let text = Model::from_xml_string(flex).unwrap_err().to_string();
     assert!(text.contains("flexible bodies"), "{text}");
+}
+
+#[test]
+fn the_narrow_phase_alone_is_refused() {
+    let sim = boxes(2_000_000).unwrap();
+    assert!(!PairCollider::supported());
+    assert!(matches!(PairCollider::new(&sim, &[], &[]), Err(Error::Unsupported(_))));
 }
 
 /// Contacts and rows give their memory back however often they are made within a step.

@@ -1,6 +1,8 @@
 //! Engine faults, full buffers, divergence and bad controls are errors; nothing is printed and nobody waits for a key.
 
-use mujoco_grasp::mujoco::{Buffer, Error, Model, Simulation, WarningKind};
+#[cfg(not(mujoco3))]
+use mujoco_grasp::mujoco::Buffer;
+use mujoco_grasp::mujoco::{Error, Model, Simulation, WarningKind};
 use std::process::{Command, Stdio};
 
 fn simulation(xml: &str) -> Simulation {
@@ -25,7 +27,7 @@ fn step_until_error(sim: &mut Simulation) -> Error {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "sizes and messages of 2.2.2; see binding_arena")]
+#[cfg(not(mujoco3))] // sizes and messages of 2.2.2; 3.x has binding_arena
 fn a_fault_in_a_step_comes_back_and_interrupts_the_simulation() {
     let mut sim = simulation(SMALL_STACK);
     let start = sim.save();
@@ -48,7 +50,7 @@ fn a_fault_in_a_step_comes_back_and_interrupts_the_simulation() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "sizes and messages of 2.2.2; see binding_arena")]
+#[cfg(not(mujoco3))] // sizes and messages of 2.2.2; 3.x has binding_arena
 fn a_fault_in_the_cpp_loader_comes_back() {
     // An include with a name that is too long faults in the virtual file system, below the C++ parser.
     let xml = format!("<mujoco><include file='{}.xml'/></mujoco>", "x".repeat(1200));
@@ -63,7 +65,7 @@ fn a_fault_in_the_cpp_loader_comes_back() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "sizes and messages of 2.2.2; see binding_arena")]
+#[cfg(not(mujoco3))] // sizes and messages of 2.2.2; 3.x has binding_arena
 fn an_engine_fault_in_the_compiler_is_a_load_error() {
     let error = Model::from_xml_string(&balls(1, "nstack='1'")).unwrap_err();
     assert!(error.to_string().contains("Stack overflow"), "{error}");
@@ -72,7 +74,7 @@ fn an_engine_fault_in_the_compiler_is_a_load_error() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "sizes and messages of 2.2.2; see binding_arena")]
+#[cfg(not(mujoco3))] // sizes and messages of 2.2.2; 3.x has binding_arena
 fn dropped_contacts_are_an_error_in_every_step() {
     let mut sim = simulation(&balls(3, "nconmax='2'"));
     for _ in 0..3 {
@@ -92,7 +94,7 @@ fn dropped_contacts_are_an_error_in_every_step() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "sizes and messages of 2.2.2; see binding_arena")]
+#[cfg(not(mujoco3))] // sizes and messages of 2.2.2; 3.x has binding_arena
 fn dropped_constraint_rows_are_an_error() {
     let mut sim = simulation(&balls(3, "njmax='7'"));
     sim.kinematics().unwrap();
@@ -224,7 +226,7 @@ fn nothing_is_printed_logged_or_waited_for() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "sizes and messages of 2.2.2; see binding_arena")]
+#[cfg(not(mujoco3))] // sizes and messages of 2.2.2; 3.x has binding_arena
 fn sizes_beyond_the_engines_range_are_errors() {
     for size in ["njmax='100000'", "njmax='20000'"] {
         let model = Model::from_xml_string(&balls(1, size));

@@ -1,4 +1,7 @@
 //! `PairCollider` against the engine's own collision stage, bit for bit.
+//!
+//! Not with MuJoCo 3, whose narrow phase this crate does not call: see `binding_arena`.
+#![cfg(not(mujoco3))]
 
 use mujoco_grasp::mujoco::{BodyId, Contact, GeomId, Model, PairCollider, Simulation};
 use std::path::Path;
@@ -116,14 +119,12 @@ fn zoo(option: &str, contact: &str) -> Simulation {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn every_shape_and_mixing_rule_gives_the_engines_contacts() {
     let contacts = compare_at_random(&mut zoo("", ""), 150, 0.35, 1);
     assert!(contacts > 3000, "{contacts} contacts");
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn predefined_pairs_and_excludes_are_merged_as_by_the_engine() {
     for (collision, seed) in [("all", 2), ("predefined", 3), ("dynamic", 4)] {
         let option = format!(r#"<option collision="{collision}"/>"#);
@@ -133,7 +134,6 @@ fn predefined_pairs_and_excludes_are_merged_as_by_the_engine() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn options_and_flags_of_collision_are_obeyed() {
     let several = r#"<option mpr_iterations="20"><flag multiccd="enable"/></option>"#;
     assert!(compare_at_random(&mut zoo(several, PAIRS), 60, 0.35, 5) > 1000);
@@ -153,7 +153,6 @@ fn options_and_flags_of_collision_are_obeyed() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn an_edited_friction_is_seen() {
     let mut sim = zoo("", PAIRS);
     let mut random = Random(9);
@@ -171,7 +170,6 @@ fn an_edited_friction_is_seen() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn bodies_alone_are_found_among_all_others() {
     let mut sim = zoo("", PAIRS);
     let mut random = Random(11);
@@ -189,7 +187,6 @@ fn bodies_alone_are_found_among_all_others() {
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn a_geom_that_does_not_exist_and_another_model_are_errors() {
     let sim = zoo("", "");
     let all: Vec<GeomId> = sim.model().geoms().collect();
@@ -207,7 +204,6 @@ fn a_geom_that_does_not_exist_and_another_model_are_errors() {
 
 /// A slow squeeze: positions from the dynamics rather than at random, where box contacts repeat points.
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn contacts_along_a_simulated_squeeze_are_the_engines() {
     let xml = r#"<mujoco><option gravity="0 0 0"/><worldbody>
       <body name="palm"><geom name="palm" type="box" size=".05 .05 .01"/>
@@ -229,7 +225,6 @@ fn contacts_along_a_simulated_squeeze_are_the_engines() {
 
 /// The Shadow Hand scene of gymnasium-robotics, if it is on this machine.
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn the_shadow_hand_scene_gives_the_engines_contacts() {
     let path = Path::new("/tmp/gr/gymnasium_robotics/envs/assets/hand/manipulate_block.xml");
     if !path.exists() {
@@ -269,7 +264,6 @@ fn medians(rounds: usize, mut first: impl FnMut(), mut second: impl FnMut()) -> 
 }
 
 #[test]
-#[cfg_attr(mujoco3, ignore = "PairCollider is not supported on MuJoCo 3")]
 fn a_grasps_contacts_cost_a_fraction_of_the_collision_stage() {
     let mut sim = simulation(&robot::robot(""));
     let (hand, ball) = robot::hand_and_ball(&sim);
@@ -280,12 +274,4 @@ fn a_grasps_contacts_cost_a_fraction_of_the_collision_stage() {
     let (ours, engine) = medians(300, || collider.collide(&sim, &mut found).unwrap(), || other.collision().unwrap());
     println!("22 capsules and a ball, 5 contacts: {ours:.0} ns; mj_collision: {engine:.0} ns");
     assert!(ours < 0.25 * engine, "{ours} ns of {engine} ns");
-}
-
-#[test]
-fn where_it_is_not_supported_making_one_is_an_error() {
-    let sim = simulation("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>");
-    let made = PairCollider::new(&sim, &[], &[]);
-    assert_eq!(made.is_ok(), PairCollider::supported(), "{made:?}");
-    assert_eq!(PairCollider::supported(), cfg!(not(mujoco3)));
 }

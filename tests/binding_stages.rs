@@ -218,6 +218,21 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
     threads.into_iter().for_each(|thread| thread.join().unwrap());
 }
 
+/// Contacts and their rows go together.
+#[test]
+fn a_skipped_collision_leaves_no_contact_and_no_row() {
+    let xml =
+        "<mujoco><worldbody><geom type='plane' size='1 1 1'/><body pos='0 0 .09'><freejoint/><geom size='.1'/></body>
+      </worldbody></mujoco>";
+    let mut sim = Simulation::new(&Model::from_xml_string(xml).unwrap()).unwrap();
+    sim.forward().unwrap();
+    assert!(sim.contact_count() == 1 && sim.nefc() > 0);
+    sim.skip_collision();
+    assert_eq!((sim.contact_count(), sim.nefc()), (0, 0));
+    sim.make_constraint().unwrap();
+    assert_eq!(sim.nefc(), 0);
+}
+
 /// Nothing that safe code can do in the wrong order may crash: stages in any order, options and rows changed between
 /// them, at any state.
 #[test]
