@@ -1,7 +1,7 @@
 //! Everything that depends on MuJoCo's version: `v2` for 2.2.2, `v3` for 3.x, with the same items.
 //!
-//! Nothing else in the crate asks for the version. `build.rs` reads it from the headers, and refuses those that neither
-//! file knows.
+//! Nothing else in the crate asks for the version. `build.rs` reads it from the headers; of a version that was not tested
+//! it looks for the names that these files use, and lists those that are missing.
 
 use super::error::Error;
 use super::ffi;
