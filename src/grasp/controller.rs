@@ -185,7 +185,13 @@ impl Grasp {
     /// Gives the contacts back to the engine.
     pub fn release(&mut self) {
         self.machine.release();
+        self.forget();
+    }
+
+    /// What the solver remembers of the last step means nothing in a later latch.
+    fn forget(&mut self) {
         self.solver.reset();
+        self.neighbours.forget();
     }
 
     /// Live contacts of the last step between hand and target.
@@ -228,7 +234,7 @@ impl Grasp {
         self.measure(sim);
         let now = self.observation(sim);
         if self.machine.observe(now) == Phase::Ungrasped {
-            self.solver.reset();
+            self.forget();
         }
     }
 

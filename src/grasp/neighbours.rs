@@ -2,9 +2,14 @@
 //!
 //! Where they move with hand or target they are solved together with the grasp (see [`super::branches`]), in the same two
 //! passes as the engine: first all with their softness, then, if the engine has a noslip pass, friction at fixed normals.
+//! The contacts of other latched grasps join them as guests (see [`guests`]).
 
 use super::cone::{Law, MAX_ROWS, Zone, pyramid_pairs};
+use super::contacts::GraspContact;
 use crate::mujoco::{Cone, Error, RowKind, RowState, Simulation};
+use std::ops::Range;
+
+mod guests;
 
 /// One constraint that is not the grasp's own.
 #[derive(Clone, Debug)]
@@ -23,9 +28,11 @@ pub struct Neighbour {
     pub zones: [Zone; 2],
     /// Normal force of each pair of a pyramid's edges.
     pairs: [f64; 5],
+    /// True of a row of another grasp's weld: it gives way in both passes, since it is solved by its softness.
+    pub gives: bool,
     /// True once it has been solved together with the grasp.
     solved: bool,
-    /// Its first row in the engine.
+    /// Its first row in the engine; a guest has none.
     row: usize,
     owner: Owner,
 }
@@ -37,6 +44,8 @@ enum Owner {
     Element(i32, usize),
     /// Two geoms, and how many contacts of the same two come before.
     Geoms(usize, usize, usize),
+    /// Another grasp's contact, by its number among the guests.
+    Guest(usize),
 }
 
 /// All of them in one step. Buffers are reused.
@@ -47,24 +56,33 @@ pub struct Neighbours {
     jacobian: Vec<f64>,
     bias: Vec<f64>,
     friction_pass: bool,
+    guests: Vec<GraspContact>,
 }
 
 impl Neighbours {
-    /// Reads the engine's current rows; after its smooth acceleration is known.
+    /// Reads the engine's current rows, `welds` among them being those of merged grasps; after its smooth acceleration is
+    /// known.
     ///
     /// # Errors
     /// What the engine reports.
-    pub fn read(&mut self, sim: &Simulation) -> Result<(), Error> {
+    pub fn read(&mut self, sim: &Simulation, welds: &Range<usize>) -> Result<(), Error> {
         std::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
         self.jacobian.clear();
         self.bias.clear();
+        self.guests.clear();
         self.friction_pass = sim.model().noslip_iterations() > 0;
         let mut row = 0;
         while row < sim.nefc() {
-            row += self.read_one(sim, row)?;
+            row += self.read_one(sim, row, welds.contains(&row))?;
         }
         Ok(())
+    }
+
+    /// Forgets the last step's forces: this grasp has not solved its neighbours in it.
+    pub fn forget(&mut self) {
+        self.list.clear();
+        self.guests.clear();
     }
 
     /// The constraints of this step.
@@ -79,7 +97,7 @@ impl Neighbours {
 
     /// Writes the forces of the constraints that were solved together with the grasp.
     pub fn write_forces(&self, sim: &mut Simulation) {
-        for neighbour in self.list.iter().filter(|n| n.solved) {
+        for neighbour in self.list.iter().filter(|n| n.solved && n.guest().is_none()) {
             neighbour.write_force(sim);
         }
     }
@@ -114,6 +132,9 @@ impl Neighbours {
             n.pairs = pyramid_pairs(jar, stiffness, &friction);
         }
         n.force = *force;
+        if n.gives {
+            return (n.law, zone);
+        }
         let mut centre = [0.0; 5];
         centre.copy_from_slice(&start[1..]);
         let law = match n.law {
@@ -137,7 +158,7 @@ impl Neighbours {
     }
 
     /// Reads the constraint that begins at `row`; returns its number of rows in the engine.
-    fn read_one(&mut self, sim: &Simulation, row: usize) -> Result<usize, Error> {
+    fn read_one(&mut self, sim: &Simulation, row: usize, gives: bool) -> Result<usize, Error> {
         let identity = sim.constraint_row(row)?;
         let first = self.bias.len();
         let stiffness = sim.efc_D()[row];
@@ -174,7 +195,7 @@ impl Neighbours {
         let nothing = [0.0; MAX_ROWS];
         let (main, force, zones) = before.map_or((nothing, nothing, [Zone::Stick; 2]), |n| (n.main, n.force, n.zones));
         let (pairs, solved) = ([0.0; 5], false);
-        self.list.push(Neighbour { law, rows, first, main, force, zones, pairs, solved, row, owner });
+        self.list.push(Neighbour { law, rows, first, main, force, zones, pairs, gives, solved, row, owner });
         Ok(read)
     }
 
@@ -218,9 +239,20 @@ impl Neighbours {
 }
 
 impl Neighbour {
+    /// Number among the guests, of another grasp's contact.
+    pub fn guest(&self) -> Option<usize> {
+        if let Owner::Guest(number) = self.owner { Some(number) } else { None }
+    }
+
     /// Number of its rows in the engine, where a pyramid has a row for each edge.
     fn engine_rows(&self) -> usize {
-        if matches!(self.law, Law::Pyramidal { .. }) { 2 * (self.rows - 1) } else { self.rows }
+        if self.guest().is_some() {
+            0
+        } else if matches!(self.law, Law::Pyramidal { .. }) {
+            2 * (self.rows - 1)
+        } else {
+            self.rows
+        }
     }
 
     fn write_force(&self, sim: &mut Simulation) {

@@ -7,7 +7,8 @@
 //!    convergence: a proximal step around the friction of the first pass, corrected as in the last step. A still grasp
 //!    does not creep, and what the motion does not decide (several contacts on one link) is as the first pass has it.
 //!
-//! Other constraints that move with hand or target (neighbours) are part of both passes.
+//! Other constraints that move with hand or target (neighbours), the contacts of other grasps among them, are part of
+//! both passes.
 
 use super::arrow::{Arrow, ROOT, RootVector, Status};
 use super::branches::Branches;
@@ -44,6 +45,8 @@ pub struct GraspSolver {
 enum Member {
     Contact(usize),
     Neighbour(usize),
+    /// Another grasp's contact, by its number among the guests.
+    Guest(usize),
 }
 
 /// Iterations of the two passes.
@@ -96,6 +99,7 @@ impl GraspSolver {
             let response = self.arrow.response(block);
             let contact = match *member {
                 Member::Contact(i) => &mut contacts[i],
+                Member::Guest(i) => neighbours.guest_mut(i),
                 Member::Neighbour(i) => {
                     if let Some(first) = first_governed(self.arrow.law(block)) {
                         neighbours.end_friction_pass(i, first, &response.force, response.zone);
@@ -208,7 +212,7 @@ impl GraspSolver {
         let n = neighbour.rows;
         let bias = &neighbours.bias()[neighbour.first..neighbour.first + n];
         self.arrow.add_block(neighbour.law, neighbour.zones[0], &root_rows[..n], bias, &neighbour.main[..n]);
-        self.order.push(Member::Neighbour(i));
+        self.order.push(neighbour.guest().map_or(Member::Neighbour(i), Member::Guest));
     }
 
     fn add_contact(
@@ -271,6 +275,7 @@ impl GraspSolver {
         for (block, member) in self.order.iter().enumerate() {
             let relaw = match *member {
                 Member::Contact(i) => friction_of_contact(&self.arrow, block, &mut contacts[i]),
+                Member::Guest(i) => friction_of_contact(&self.arrow, block, neighbours.guest_mut(i)),
                 Member::Neighbour(i) => friction_of_neighbour(&self.arrow, block, neighbours, i),
             };
             let rows = self.arrow.residual(block).len();
@@ -340,6 +345,9 @@ fn friction_of_neighbour(arrow: &Arrow, block: usize, neighbours: &mut Neighbour
     let rows = jar.len();
     let resistance = resistance(arrow, block, rows.min(2) - 1);
     let (law, zone) = neighbours.end_main_pass(i, (&response.force, response.zone), jar, resistance);
+    if neighbours.list()[i].gives {
+        return Relaw { law, zone, kept: [0.0; MAX_ROWS], start: response.force };
+    }
     let (mut kept, mut start) = (response.force, [0.0; MAX_ROWS]);
     if let Some(first) = first_governed(&law) {
         kept[first..].fill(0.0);

@@ -7,7 +7,6 @@ use super::controller::Grasp;
 use super::dense;
 use super::error::Error;
 use super::phase::Phase;
-use super::spec::Limits;
 use super::weld;
 use crate::mujoco::{ENABLE_ENERGY, Simulation};
 use std::time::{Duration, Instant};
@@ -130,29 +129,28 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
         return Ok(sim.constraint()?);
     };
     let mut force = grasps[first].borrow_force(sim.model().nv());
-    for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
-        match grasp.limits() {
-            Limits::Cones => grasp.solve_cones(sim, &mut force.generalised)?,
-            Limits::Box | Limits::Rigid => grasp.load_merged(sim, &mut force.generalised)?,
+    let merged = grasps.iter().any(|g| g.is_merged());
+    if merged {
+        for grasp in grasps.iter_mut().filter(|g| g.is_merged()) {
+            grasp.load_merged(sim, force.generalised_mut())?;
         }
+        force.apply(sim)?;
     }
-    let solved = |grasp: &Grasp| grasp.phase() == Phase::Grasped && grasp.solved_rows() > 0;
-    let alone = grasps.iter().filter(|g| g.phase() == Phase::Grasped).count() == 1;
-    let complete = alone && grasps[first].limits() == Limits::Cones && grasps[first].solved_rows() == sim.nefc();
-    if !complete {
+    let solved_rows = solve_cones(sim, grasps, &mut force)?;
+    if merged || solved_rows < sim.nefc() {
         force.apply(sim)?;
         sim.constraint()?;
-        for grasp in grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
-            grasp.read_merged(sim);
-        }
         force.count_as_constraint(sim);
     }
-    // rows that were solved together with a grasp have the forces of that solve
-    for grasp in grasps.iter().filter(|g| solved(g)) {
-        grasp.write_row_forces(sim);
+    if solved_rows > 0 || !merged && sim.nefc() == 0 {
+        // rows that were solved together with a grasp have the forces of that solve
+        for grasp in grasps.iter() {
+            grasp.write_row_forces(sim);
+        }
+        sim.impose_constraint_forces(force.generalised())?;
     }
-    if complete || grasps.iter().any(solved) {
-        sim.impose_constraint_forces(&force.generalised)?;
+    for grasp in grasps.iter_mut().filter(|g| g.is_merged()) {
+        grasp.read_merged(sim);
     }
     grasps[first].return_force(force);
     let mut offset = 0;
@@ -162,11 +160,30 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     Ok(())
 }
 
+/// Solves the latched grasps with friction cones, those that move each other as one problem; returns how many of the
+/// engine's rows were solved with them.
+fn solve_cones(sim: &Simulation, grasps: &mut [Grasp], force: &mut GraspForce) -> Result<usize, Error> {
+    let alone = grasps.iter().filter(|g| g.phase() == Phase::Grasped).count() == 1;
+    let welds = weld::rows(sim, grasps);
+    let mut rows = 0;
+    for i in 0..grasps.len() {
+        let Some((leader, others)) = grasps[i..].split_first_mut() else { break };
+        if leader.awaits_solve() || alone && leader.is_cones() {
+            leader.solve_cones(sim, others, &welds, force.generalised_mut())?;
+            rows += leader.solved_rows();
+        } else {
+            leader.leave_neighbours();
+        }
+    }
+    Ok(rows)
+}
+
 /// The generalised force of all latched grasps, and what it replaces for the time of the engine's solve.
 #[derive(Clone, Debug, Default)]
 pub(super) struct GraspForce {
     generalised: Vec<f64>,
     acceleration: Vec<f64>,
+    /// The engine's own, while the grasps' forces are among them.
     smooth_force: Vec<f64>,
     smooth_acceleration: Vec<f64>,
 }
@@ -176,24 +193,41 @@ impl GraspForce {
     pub(super) fn cleared(mut self, nv: usize) -> Self {
         self.generalised.clear();
         self.generalised.resize(nv, 0.0);
+        self.smooth_force.clear();
         self
     }
 
+    fn generalised(&self) -> &[f64] {
+        &self.generalised
+    }
+
+    fn generalised_mut(&mut self) -> &mut [f64] {
+        &mut self.generalised
+    }
+
+    /// Adds all that is known so far to the engine's smooth forces, in the place of what was there of it before.
     fn apply(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        if self.smooth_force.is_empty() {
+            self.smooth_force.extend_from_slice(sim.qfrc_smooth());
+            self.smooth_acceleration.clear();
+            self.smooth_acceleration.extend_from_slice(sim.qacc_smooth());
+        } else {
+            self.restore(sim);
+        }
         self.acceleration.clone_from(&self.generalised);
         sim.solve_mass(&mut self.acceleration)?;
-        self.smooth_force.clear();
-        self.smooth_force.extend_from_slice(sim.qfrc_smooth());
-        self.smooth_acceleration.clear();
-        self.smooth_acceleration.extend_from_slice(sim.qacc_smooth());
         dense::axpy(1.0, &self.generalised, sim.qfrc_smooth_mut());
         dense::axpy(1.0, &self.acceleration, sim.qacc_smooth_mut());
         Ok(())
     }
 
-    fn count_as_constraint(&self, sim: &mut Simulation) {
+    fn restore(&self, sim: &mut Simulation) {
         sim.qfrc_smooth_mut().copy_from_slice(&self.smooth_force);
         sim.qacc_smooth_mut().copy_from_slice(&self.smooth_acceleration);
+    }
+
+    fn count_as_constraint(&self, sim: &mut Simulation) {
+        self.restore(sim);
         dense::axpy(1.0, &self.generalised, sim.qfrc_constraint_mut());
     }
 }

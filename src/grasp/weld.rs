@@ -83,6 +83,13 @@ pub(super) fn make_constraint(sim: &mut Simulation, grasps: &mut [Grasp]) -> Res
     Ok(())
 }
 
+/// The welds' rows of this step, once [`make_constraint`] has made them: the last equalities and the first friction rows.
+pub(super) fn rows(sim: &Simulation, grasps: &[Grasp]) -> std::ops::Range<usize> {
+    let welds = || grasps.iter().filter(|g| g.wants_weld());
+    let end = sim.ne() + welds().map(Grasp::relaxed_count).sum::<usize>();
+    end.saturating_sub(WELD_ROWS * welds().count())..end
+}
+
 fn switch(sim: &mut Simulation, grasp: &Grasp, on: bool) -> Result<(), Error> {
     match grasp.weld() {
         Some(weld) => Ok(sim.set_equality_active(weld, on)?),

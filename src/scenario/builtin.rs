@@ -40,4 +40,16 @@ pub const ALL: &[Builtin] = &[
         toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/carry.toml")),
         models: &[model!("carry.xml"), model!("humanoid.xml"), model!("studio.xml")],
     },
+    Builtin {
+        name: "handover",
+        path: "scenarios/handover.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/handover.toml")),
+        models: &[model!("handover.xml"), model!("studio.xml")],
+    },
+    Builtin {
+        name: "two-hands",
+        path: "scenarios/two-hands.toml",
+        toml: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/two-hands.toml")),
+        models: &[model!("handover.xml"), model!("studio.xml")],
+    },
 ];

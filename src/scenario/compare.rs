@@ -23,6 +23,9 @@ pub struct Comparison {
     pub rotation_rmse_rad: Option<f64>,
     /// RMS difference of the links' normal forces over RMS of full's.
     pub normal_force_relative_error: Option<f64>,
+    /// The scenario's other grasps, in the order of its file.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Comparison>,
 }
 
 /// Compares two runs of the same scenario and push with the same time step.
@@ -33,6 +36,7 @@ pub fn compare(full: (&Trajectory, &Summary), grasp: (&Trajectory, &Summary), me
         relative_error: None,
         rotation_rmse_rad: None,
         normal_force_relative_error: None,
+        others: Vec::new(),
     };
     let (Some(a0), Some(b0)) = (full.0.index_at(measure_from), grasp.0.index_at(measure_from)) else {
         return comparison;

@@ -27,5 +27,6 @@ pub mod source;
 pub mod tally;
 pub mod tracker;
 pub mod trajectory;
+mod watch;
 
 pub use error::Error;

@@ -11,7 +11,7 @@ use super::outcome::{Summary, summarize};
 use super::plan::{Plan, Push};
 use super::runner::{Mode, Runner};
 use super::trajectory::Trajectory;
-use crate::mujoco::Simulation;
+use crate::mujoco::{BodyId, Simulation};
 
 /// Poses kept for pictures, per second of simulation.
 pub const POSES_PER_SECOND: f64 = 25.0;
@@ -62,6 +62,8 @@ pub struct Run {
     pub trajectory: Trajectory,
     /// In numbers.
     pub summary: Summary,
+    /// The other grasps of the scenario, if it has any.
+    pub others: Vec<OtherGrasp>,
     /// (time \[s\], qpos) at [`POSES_PER_SECOND`], for pictures.
     pub poses: Vec<(f64, Vec<f64>)>,
     /// Why it ended early.
@@ -80,15 +82,37 @@ impl Run {
         format!("{}-{}", self.mode.name(), self.push)
     }
 
-    /// Writes the trajectory to `MODE-PUSH.csv` in `folder`.
+    /// Writes the trajectory to `MODE-PUSH.csv` in `folder`, and those of other grasps to `MODE-PUSH.grasp1.csv` and so on.
     ///
     /// # Errors
     /// [`Error::Write`].
     pub fn write_csv(&self, folder: &Path) -> Result<PathBuf, Error> {
         let path = folder.join(format!("{}.csv", self.stem()));
         self.trajectory.write_csv(&path)?;
+        for other in &self.others {
+            other.trajectory.write_csv(&folder.join(format!("{}.grasp{}.csv", self.stem(), other.index)))?;
+        }
         Ok(path)
     }
+}
+
+/// A grasp besides the one that a run is about.
+#[derive(Debug)]
+pub struct OtherGrasp {
+    /// Its place in the scenario file, from 0.
+    pub index: usize,
+    /// Name of its target.
+    pub target: String,
+    /// Name of its palm.
+    pub palm: String,
+    /// Every step.
+    pub trajectory: Trajectory,
+    /// In numbers.
+    pub summary: Summary,
+    /// Highest quality of the run \[N\].
+    pub best_quality: f64,
+    /// The quality that it takes to latch \[N\].
+    pub latch_quality: f64,
 }
 
 /// Both modes under one push.
@@ -106,8 +130,40 @@ pub struct Pair {
     pub compare: Option<Comparison>,
 }
 
+/// A summary, with those of other grasps in it.
+#[derive(Serialize)]
+struct RunSummary<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    others: Vec<OtherSummary<'a>>,
+}
+
+#[derive(Serialize)]
+struct OtherSummary<'a> {
+    grasp: usize,
+    target: &'a str,
+    palm: &'a str,
+    #[serde(flatten)]
+    summary: &'a Summary,
+}
+
 fn as_summary<S: serde::Serializer>(run: &Option<Run>, serializer: S) -> Result<S::Ok, S::Error> {
-    run.as_ref().map(|r| &r.summary).serialize(serializer)
+    fn other(of: &OtherGrasp) -> OtherSummary<'_> {
+        OtherSummary { grasp: of.index, target: &of.target, palm: &of.palm, summary: &of.summary }
+    }
+    run.as_ref()
+        .map(|run| RunSummary { summary: &run.summary, others: run.others.iter().map(other).collect() })
+        .serialize(serializer)
+}
+
+/// Compares the runs' grasps one by one.
+fn compare_runs(full: &Run, grasp: &Run, measure_from: f64) -> Comparison {
+    let mut comparison = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), measure_from);
+    let pairs = full.others.iter().zip(&grasp.others);
+    comparison.others =
+        pairs.map(|(f, g)| compare((&f.trajectory, &f.summary), (&g.trajectory, &g.summary), measure_from)).collect();
+    comparison
 }
 
 /// Runs `modes` x `pushes` in parallel. A result that cannot be stored ends them all.
@@ -136,9 +192,7 @@ pub fn run_all(
             }
         }
         if let (Some(full), Some(grasp)) = (&pair.full, &pair.grasp) {
-            let measure_from = plan.timeline.measure_from();
-            pair.compare =
-                Some(compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), measure_from));
+            pair.compare = Some(compare_runs(full, grasp, plan.timeline.measure_from()));
         }
         pairs.push(pair);
     }
@@ -159,7 +213,7 @@ pub fn run(
     const REPORT_EVERY: u64 = 100;
     let mut runner = Runner::new(plan, mode, push)?;
     options.set_noslip(runner.sim_mut())?;
-    let mut trajectory = runner.trajectory();
+    let mut trajectories = runner.trajectories();
     let mut poses = Vec::new();
     let mut error = None;
     let mut steps = 0;
@@ -169,7 +223,7 @@ pub fn run(
             poses.push((time, runner.sim().qpos().to_vec()));
         }
         match runner.step() {
-            Ok(sample) => trajectory.push(sample, runner.normal_forces()),
+            Ok(_) => runner.record(&mut trajectories),
             Err(source) => {
                 let what = format!("{} mode, push {}", mode.name(), push.map_or("none", |p| &p.name));
                 error = Some(Error::Step { what, time, source });
@@ -182,14 +236,33 @@ pub fn run(
         }
     }
     (observer.steps)(steps % REPORT_EVERY);
-    let mut summary = summarize(&trajectory, plan.timeline.measure_from(), push.map(|p| p.end));
-    if error.is_some() {
-        // How it would have ended is not known.
-        summary.outcome = None;
-        summary.final_offset_m = None;
-        summary.creep_m_per_s = None;
-    }
-    let best_quality = trajectory.samples().iter().map(|s| s.quality).fold(0.0, f64::max);
+    let pushed_until = push.map(|p| p.end);
+    let mut grasps: Vec<OtherGrasp> = trajectories
+        .into_iter()
+        .zip(runner.grasps())
+        .enumerate()
+        .map(|(index, (trajectory, grasp))| {
+            let mut summary = summarize(&trajectory, plan.timeline.measure_from(), pushed_until);
+            if error.is_some() {
+                // How it would have ended is not known.
+                summary.outcome = None;
+                summary.final_offset_m = None;
+                summary.creep_m_per_s = None;
+            }
+            let model = runner.sim().model();
+            let name = |body: BodyId| model.body_name(body).map_or_else(|| model.label(body), str::to_owned);
+            OtherGrasp {
+                index,
+                target: name(grasp.target()),
+                palm: name(grasp.palm()),
+                best_quality: trajectory.samples().iter().map(|s| s.quality).fold(0.0, f64::max),
+                latch_quality: grasp.latch_quality(),
+                trajectory,
+                summary,
+            }
+        })
+        .collect();
+    let OtherGrasp { trajectory, summary, best_quality, latch_quality, .. } = grasps.remove(runner.watched());
     let warnings = runner
         .sim_mut()
         .take_warnings()
@@ -205,9 +278,10 @@ pub fn run(
     let run = Run {
         mode,
         push: push.map_or_else(|| "none".to_owned(), |p| p.name.clone()),
-        latch_quality: runner.grasp().latch_quality(),
+        latch_quality,
         trajectory,
         summary,
+        others: grasps,
         poses,
         error,
         warnings,

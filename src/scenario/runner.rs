@@ -9,8 +9,9 @@ use super::control::Schedule;
 use super::error::Error;
 use super::pin::Pin;
 use super::plan::{Plan, Push};
-use super::tracker::{Feel, Tracker, pose};
+use super::tracker::{Feel, Tracker};
 use super::trajectory::{Sample, Trajectory};
+use super::watch::{Now, Watch};
 use crate::grasp::{self, Grasp, Phase};
 use crate::mujoco::{BodyId, Simulation};
 
@@ -50,22 +51,12 @@ pub struct Runner {
     duration: f64,
     timestep: f64,
     steps: u64,
-    watch: Watch,
-}
-
-/// What is recorded of the grasp that the run is about.
-#[derive(Clone, Debug)]
-struct Watch {
-    grasp: usize,
-    palm: BodyId,
-    target: BodyId,
-    /// Body -> index among the links.
-    link_of: Vec<Option<usize>>,
-    normal_forces: Vec<f64>,
-    /// Fastest slip of each link's contacts in this step, in the palm's axes \[m/s\].
-    velocities: Vec<Vector3<f64>>,
-    /// Slip of each link since `measure_from`, in the palm's axes \[m\].
-    slip: Vec<Vector3<f64>>,
+    /// One for each grasp.
+    watches: Vec<Watch>,
+    /// The last step's, one for each grasp.
+    samples: Vec<Sample>,
+    /// Index of the grasp that the run is about.
+    watched: usize,
 }
 
 impl Runner {
@@ -99,7 +90,9 @@ impl Runner {
             mode,
             schedule: Schedule::new(sim.ctrl(), &plan.controls),
             ctrl: sim.ctrl().to_vec(),
-            watch: Watch::new(&sim, &grasps[watched], watched),
+            watches: grasps.iter().map(|grasp| Watch::new(&sim, grasp)).collect(),
+            samples: Vec::with_capacity(grasps.len()),
+            watched,
             grasps,
             trackers,
             pins,
@@ -154,7 +147,12 @@ impl Runner {
 
     /// The grasp that the run is about.
     pub fn grasp(&self) -> &Grasp {
-        &self.grasps[self.watch.grasp]
+        &self.grasps[self.watched]
+    }
+
+    /// Index of the grasp that the run is about: the first whose target is pushed, or the first.
+    pub fn watched(&self) -> usize {
+        self.watched
     }
 
     /// All grasps.
@@ -174,10 +172,26 @@ impl Runner {
 
     /// An empty trajectory with the links of the run's grasp and room for the whole run.
     pub fn trajectory(&self) -> Trajectory {
+        self.trajectory_of(&self.grasps[self.watched])
+    }
+
+    /// An empty trajectory for each grasp, to [`record`](Self::record) in.
+    pub fn trajectories(&self) -> Vec<Trajectory> {
+        self.grasps.iter().map(|grasp| self.trajectory_of(grasp)).collect()
+    }
+
+    fn trajectory_of(&self, grasp: &Grasp) -> Trajectory {
         let model = self.sim.model();
         let name =
             |&link: &BodyId| model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned);
-        Trajectory::new(self.grasp().links().iter().map(name).collect(), self.total_steps() as usize)
+        Trajectory::new(grasp.links().iter().map(name).collect(), self.total_steps() as usize)
+    }
+
+    /// Appends the last step to `trajectories`, one for each grasp.
+    pub fn record(&self, trajectories: &mut [Trajectory]) {
+        for ((trajectory, sample), watch) in trajectories.iter_mut().zip(&self.samples).zip(&self.watches) {
+            trajectory.push(*sample, watch.normal_forces());
+        }
     }
 
     /// Runs up to `time` without recording.
@@ -191,7 +205,8 @@ impl Runner {
         Ok(())
     }
 
-    /// One step; the sample is of the state that it starts from, with the contacts and forces found there.
+    /// One step; the sample is of the run's grasp in the state that it starts from, with the contacts and forces found
+    /// there.
     ///
     /// # Errors
     /// A simulation that diverged, full buffers, faults of the engine.
@@ -208,7 +223,9 @@ impl Runner {
         for grasp in &mut self.grasps {
             grasp.allow_latch(!pinned);
         }
-        let grasped = self.grasp().phase() == Phase::Grasped;
+        for (watch, grasp) in self.watches.iter_mut().zip(&self.grasps) {
+            watch.begin(grasp);
+        }
         let clock = Instant::now();
         match self.mode {
             Mode::Full => self.sim.step()?,
@@ -220,20 +237,21 @@ impl Runner {
                 grasp.monitor(&self.sim)?;
             }
         }
-        self.grasps[self.watch.grasp].read_slip(&self.sim);
         self.steps += 1;
-        let sample = self.watch.sample(
-            &self.sim,
-            &self.grasps[self.watch.grasp],
-            Now { time, step_ns, grasped, slipping: (time >= self.measure_from - half).then_some(self.timestep) },
-        );
+        let now = Now { time, step_ns, slipping: (time >= self.measure_from - half).then_some(self.timestep) };
+        self.samples.clear();
+        for (watch, grasp) in self.watches.iter_mut().zip(&mut self.grasps) {
+            grasp.read_slip(&self.sim);
+            self.samples.push(watch.sample(&self.sim, grasp, &now));
+        }
+        let sample = self.samples[self.watched];
         self.settle();
         Ok(sample)
     }
 
-    /// Normal force of each link in the last step \[N\].
+    /// Normal force of each link of the run's grasp in the last step \[N\].
     pub fn normal_forces(&self) -> &[f64] {
-        &self.watch.normal_forces
+        self.watches[self.watched].normal_forces()
     }
 
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
@@ -285,61 +303,4 @@ fn feel(sim: &Simulation, grasp: &Grasp, pinned: bool) -> Feel {
         squeeze += contact.normal_force();
     }
     Feel { weak: grasp.quality() < grasp.latch_quality(), pinned, load, squeeze }
-}
-
-/// What a sample needs besides the state.
-struct Now {
-    time: f64,
-    step_ns: u64,
-    grasped: bool,
-    /// Time step, once slip counts.
-    slipping: Option<f64>,
-}
-
-impl Watch {
-    fn new(sim: &Simulation, grasp: &Grasp, index: usize) -> Self {
-        let model = sim.model();
-        let (palm, target) = (grasp.palm(), grasp.target());
-        let mut link_of = vec![None; model.nbody()];
-        for (i, link) in grasp.links().iter().enumerate() {
-            link_of[link.index()] = Some(i);
-        }
-        let n = grasp.links().len();
-        let (normal_forces, velocities, slip) = (vec![0.0; n], vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
-        Self { grasp: index, palm, target, link_of, normal_forces, velocities, slip }
-    }
-
-    fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: Now) -> Sample {
-        let palm = pose(sim, self.palm);
-        self.normal_forces.fill(0.0);
-        self.velocities.fill(Vector3::zeros());
-        let (mut touching, mut penetration) = (false, 0.0_f64);
-        for contact in grasp.contacts() {
-            touching = true;
-            penetration = penetration.max(-contact.parameters.dist);
-            if let Some(link) = self.link_of[contact.link_id.index()] {
-                self.normal_forces[link] += contact.normal_force();
-                if contact.slip_velocity.norm_squared() > self.velocities[link].norm_squared() {
-                    self.velocities[link] = palm.rotation.inverse_transform_vector(&contact.slip_velocity);
-                }
-            }
-        }
-        if let Some(step) = at.slipping {
-            for (slip, velocity) in self.slip.iter_mut().zip(&self.velocities) {
-                *slip += velocity * step;
-            }
-        }
-        let target = palm.inv_mul(&pose(sim, self.target));
-        Sample {
-            time: at.time,
-            position: target.translation.vector,
-            rotation: target.rotation,
-            grasped: at.grasped,
-            quality: grasp.quality(),
-            touching,
-            penetration,
-            slip: self.slip.iter().map(|s| s.norm()).fold(0.0, f64::max),
-            step_ns: at.step_ns,
-        }
-    }
 }

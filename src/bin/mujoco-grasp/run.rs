@@ -8,8 +8,9 @@ use clap::ValueEnum;
 use mujoco_grasp::grasp::Limits;
 use mujoco_grasp::mujoco;
 use mujoco_grasp::scenario::Error;
+use mujoco_grasp::scenario::compare::Comparison;
 use mujoco_grasp::scenario::onset::{full_at_measure, onset};
-use mujoco_grasp::scenario::outcome::Outcome;
+use mujoco_grasp::scenario::outcome::{Outcome, Summary};
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::{Mode, Runner};
@@ -202,24 +203,29 @@ fn warn(run: &Run, contacts: bool) {
     for warning in &run.warnings {
         complain("warning", &format!("{}: {warning}", run.stem()));
     }
-    if run.mode == Mode::Grasp && run.summary.latched_at_s.is_none() && run.error.is_none() {
-        let why = if !contacts {
-            ": the model's flags switch contacts or constraints off"
-        } else if run.best_quality == 0.0 {
-            ": no effector pressed on the target, or its contacts cannot hold it in every direction"
-        } else {
-            ""
-        };
-        complain(
-            "warning",
-            &format!(
-                "{}: the grasp never latched: its quality reached {:.4} N, and it takes {:.4} N (latch_quality){why}",
-                run.stem(),
-                run.best_quality,
-                run.latch_quality
-            ),
-        );
+    if run.mode == Mode::Grasp && run.error.is_none() {
+        if run.summary.latched_at_s.is_none() {
+            never_latched(&format!("{}: the grasp", run.stem()), run.best_quality, run.latch_quality, contacts);
+        }
+        for o in run.others.iter().filter(|o| o.summary.latched_at_s.is_none()) {
+            let who = format!("{}: grasp {} of {} by {}", run.stem(), o.index, o.target, o.palm);
+            never_latched(&who, o.best_quality, o.latch_quality, contacts);
+        }
     }
+}
+
+fn never_latched(who: &str, best: f64, needed: f64, contacts: bool) {
+    let why = if !contacts {
+        ": the model's flags switch contacts or constraints off"
+    } else if best == 0.0 {
+        ": no effector pressed on the target, or its contacts cannot hold it in every direction"
+    } else {
+        ""
+    };
+    let message = format!(
+        "{who} never latched: its quality reached {best:.4} N, and it takes {needed:.4} N (latch_quality){why}"
+    );
+    complain("warning", &message);
 }
 
 fn text(report: &Report<'_>, out: &std::path::Path) -> String {
@@ -245,31 +251,17 @@ fn text(report: &Report<'_>, out: &std::path::Path) -> String {
     ];
     for pair in report.runs {
         for run in [&pair.full, &pair.grasp].into_iter().flatten() {
-            let s = &run.summary;
-            rows.push(vec![
-                pair.push.clone(),
-                run.mode.name().to_owned(),
-                outcome(s.outcome).to_owned(),
-                number(s.latched_at_s, 1.0, 3),
-                number(s.released_at_s, 1.0, 3),
-                number(s.peak_motion_m, 1e3, 3),
-                number(s.final_offset_m, 1e3, 3),
-                number(s.max_penetration_m, 1e3, 3),
-                number(s.creep_m_per_s, 1e6, 3),
-                number(s.normal_force_total_n, 1.0, 3),
-                number(s.slip_onset_s, 1.0, 3),
-                number(s.step_us_median, 1.0, 1),
-            ]);
+            rows.push(summary_row(pair.push.clone(), run.mode, &run.summary));
+            for other in &run.others {
+                rows.push(summary_row(format!("{} ({})", pair.push, other.palm), run.mode, &other.summary));
+            }
         }
         if let Some(c) = &pair.compare {
-            compared.push(vec![
-                pair.push.clone(),
-                if c.same_outcome { "yes" } else { "NO" }.to_owned(),
-                number(c.position_rmse_m, 1e3, 4),
-                number(c.relative_error, 100.0, 2) + " %",
-                number(c.rotation_rmse_rad, 1e3, 3),
-                number(c.normal_force_relative_error, 100.0, 2) + " %",
-            ]);
+            compared.push(comparison_row(pair.push.clone(), c));
+            let palms = pair.full.iter().flat_map(|run| run.others.iter().map(|o| &o.palm));
+            for (other, palm) in c.others.iter().zip(palms) {
+                compared.push(comparison_row(format!("{} ({palm})", pair.push), other));
+            }
         }
     }
     let mut text = format!(
@@ -285,6 +277,34 @@ fn text(report: &Report<'_>, out: &std::path::Path) -> String {
     }
     text.push_str(&format!("\nwritten to {}\n", out.display()));
     text
+}
+
+fn summary_row(push: String, mode: Mode, s: &Summary) -> Vec<String> {
+    vec![
+        push,
+        mode.name().to_owned(),
+        outcome(s.outcome).to_owned(),
+        number(s.latched_at_s, 1.0, 3),
+        number(s.released_at_s, 1.0, 3),
+        number(s.peak_motion_m, 1e3, 3),
+        number(s.final_offset_m, 1e3, 3),
+        number(s.max_penetration_m, 1e3, 3),
+        number(s.creep_m_per_s, 1e6, 3),
+        number(s.normal_force_total_n, 1.0, 3),
+        number(s.slip_onset_s, 1.0, 3),
+        number(s.step_us_median, 1.0, 1),
+    ]
+}
+
+fn comparison_row(push: String, c: &Comparison) -> Vec<String> {
+    vec![
+        push,
+        if c.same_outcome { "yes" } else { "NO" }.to_owned(),
+        number(c.position_rmse_m, 1e3, 4),
+        number(c.relative_error, 100.0, 2) + " %",
+        number(c.rotation_rmse_rad, 1e3, 3),
+        number(c.normal_force_relative_error, 100.0, 2) + " %",
+    ]
 }
 
 /// In tables; "-" for a run that failed.

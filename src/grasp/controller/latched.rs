@@ -7,10 +7,12 @@ use crate::grasp::error::Error;
 use crate::grasp::mobility::Dynamics;
 use crate::grasp::phase::Phase;
 use crate::grasp::softness::{ConeKind, SolverOptions};
+use crate::grasp::solve::SolveStatus;
 use crate::grasp::spec::Limits;
 use crate::grasp::weld::Settings;
 use crate::mujoco::{Cone, DISABLE_REFSAFE, EqualityId, Simulation};
 use nalgebra::Vector6;
+use std::ops::Range;
 
 impl Grasp {
     /// Finds the contacts in the place of the engine's collision stage; false if the engine has to look itself, because
@@ -117,8 +119,30 @@ impl Grasp {
         }
     }
 
-    /// Solves the grasp and adds its generalised force to `out`.
-    pub(in crate::grasp) fn solve_cones(&mut self, sim: &Simulation, out: &mut [f64]) -> Result<(), Error> {
+    /// True while this grasp's constraint is its contacts' friction cones.
+    pub(in crate::grasp) fn is_cones(&self) -> bool {
+        self.limits == Limits::Cones && self.machine.phase() == Phase::Grasped
+    }
+
+    /// Drops the neighbours of an earlier step: in this one they are another solve's.
+    pub(in crate::grasp) fn leave_neighbours(&mut self) {
+        self.neighbours.forget();
+    }
+
+    /// True while contacts of this latched grasp wait for a solve of their own or as another grasp's guests.
+    pub(in crate::grasp) fn awaits_solve(&self) -> bool {
+        self.is_cones() && self.set.contacts().iter().any(|c| !c.solved)
+    }
+
+    /// Solves the grasp and adds its generalised force to `out`; and with it those of `others` that wait for a solve and
+    /// move with it. `welds`: the engine's rows that belong to merged grasps.
+    pub(in crate::grasp) fn solve_cones(
+        &mut self,
+        sim: &Simulation,
+        others: &mut [Grasp],
+        welds: &Range<usize>,
+        out: &mut [f64],
+    ) -> Result<(), Error> {
         let model = sim.model();
         let dynamics = Dynamics {
             dof_parent: model.dof_parentid(),
@@ -133,20 +157,41 @@ impl Grasp {
             acceleration: sim.qacc_smooth(),
         };
         let options = solver_options(sim);
-        self.neighbours.read(sim)?;
+        self.neighbours.read(sim, welds)?;
+        for other in others.iter().filter(|g| g.awaits_solve()) {
+            self.neighbours.invite(&dynamics, &other.topology, &options, other.set.contacts());
+        }
         let contacts = self.set.contacts_mut();
         self.status = self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.neighbours);
         let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
-        if !self.set.contacts().iter().all(finite) {
+        if !self.set.contacts().iter().chain(self.neighbours.guests()).all(finite) {
             return Err(Error::Diverged { time: sim.time(), what: "a contact force" });
         }
         self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
+        self.neighbours.add_guest_forces(out);
+        let mut guests = self.neighbours.guests().iter();
+        for other in others.iter_mut().filter(|g| g.awaits_solve()) {
+            other.take_back(&mut guests, self.status);
+        }
         Ok(())
+    }
+
+    /// Takes this grasp's contacts back from the solve of another grasp in which they were guests.
+    fn take_back<'a>(&mut self, guests: &mut impl Iterator<Item = &'a GraspContact>, status: SolveStatus) {
+        let mut solved = false;
+        for (contact, guest) in self.set.contacts_mut().iter_mut().zip(guests) {
+            contact.clone_from(guest);
+            solved |= guest.solved;
+        }
+        if solved {
+            self.status = status;
+            self.neighbours.forget();
+        }
     }
 
     /// Number of the engine's rows that were solved together with the grasp in this step.
     pub(in crate::grasp) fn solved_rows(&self) -> usize {
-        if self.limits == Limits::Cones { self.neighbours.solved_rows() } else { 0 }
+        self.neighbours.solved_rows()
     }
 
     /// Writes the forces of those rows.
