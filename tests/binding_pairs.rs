@@ -275,3 +275,61 @@ fn a_grasps_contacts_cost_a_fraction_of_the_collision_stage() {
     println!("22 capsules and a ball, 5 contacts: {ours:.0} ns; mj_collision: {engine:.0} ns");
     assert!(ours < 0.25 * engine, "{ours} ns of {engine} ns");
 }
+
+/// The engine's broad phase, in single precision, loses some contacts of spheres that barely touch; all that are left when
+/// [`PairCollider::is_certain`] are found by it too, and are found in the end.
+#[test]
+fn contacts_that_are_certain_are_never_lost() {
+    let xml = r#"<mujoco><worldbody>
+      <body name="a"><freejoint/><geom size="0.03"/></body><body name="b"><freejoint/><geom size="0.012"/></body>
+    </worldbody></mujoco>"#;
+    let mut sim = simulation(xml);
+    let [a, b] = ["a", "b"].map(|name| geoms_of(&sim, sim.model().body(name).unwrap()));
+    let mut collider = PairCollider::new(&sim, &a, &b).unwrap();
+    let mut random = Random(5);
+    let (mut lost, mut certain, mut found) = (0, 0, Vec::new());
+    for k in 0..20_000 {
+        // two spheres beside each other along x: that is the axis along which the engine compares in single precision
+        let at: [f64; 3] = std::array::from_fn(|_| random.next());
+        let away = if k % 2 == 0 { [1.0, 0.0, 0.0] } else { [-1.0, 0.0, 0.0] };
+        let depth = 10.0_f64.powf(-6.5 + 2.5 * random.next());
+        for i in 0..3 {
+            sim.qpos_mut()[i] = at[i];
+            sim.qpos_mut()[7 + i] = at[i] + away[i] * (0.042 - depth);
+        }
+        sim.kinematics().unwrap();
+        collider.collide(&sim, &mut found).unwrap();
+        sim.collision().unwrap();
+        assert_eq!(found.len(), 1, "{k}: {depth} m deep");
+        lost += usize::from(sim.contact_count() == 0);
+        if collider.is_certain(&sim, &found) {
+            certain += 1;
+            assert_eq!(sim.contact_count(), 1, "{k}: certain, but the engine has lost it, {depth} m deep");
+            assert_eq!(bits(&sim.contact(0).unwrap()), bits(&found[0]));
+        } else {
+            assert!(depth < 3e-6, "not certain though {depth} m deep");
+        }
+    }
+    println!("of 20000 shallow contacts the engine loses {lost}; {certain} are certain");
+    assert!(lost > 10 && certain > 5_000);
+}
+
+/// A static body with a plane may be tested twice by the engine: nothing is certain there.
+#[test]
+fn nothing_is_certain_where_the_engine_tests_twice() {
+    for (body, certain) in [("", true), (r#"<body pos="0 0 0.01">"#, false)] {
+        let end = if body.is_empty() { "" } else { "</body>" };
+        let xml = format!(
+            r#"<mujoco><worldbody>{body}<geom name="p" type="plane" size="1 1 1"/>{end}
+            <body name="b" pos="0 0 0.02"><freejoint/><geom name="s" size="0.03"/></body></worldbody></mujoco>"#
+        );
+        let mut sim = simulation(&xml);
+        let [plane, sphere] = ["p", "s"].map(|name| sim.model().geom(name).unwrap());
+        let mut collider = PairCollider::new(&sim, &[plane], &[sphere]).unwrap();
+        let mut found = Vec::new();
+        sim.kinematics().unwrap();
+        collider.collide(&sim, &mut found).unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!(collider.is_certain(&sim, &found), certain, "{xml}");
+    }
+}

@@ -3,7 +3,7 @@
 #[path = "common/one_step.rs"]
 mod one_step;
 
-use mujoco_grasp::grasp::{self, Grasp, GraspSpec, Phase};
+use mujoco_grasp::grasp::{self, Grasp, GraspSpec, Phase, Snapshot};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use nalgebra::Vector3;
 
@@ -222,5 +222,30 @@ fn one_hand_opens_and_the_other_keeps_hold() {
         assert!(hold.grasps[opens].contacts().is_empty());
         assert_eq!(hold.grasps[keeps].phase(), Phase::Grasped);
         assert!(hold.grasps[keeps].contacts().len() >= 4);
+    }
+}
+
+/// Grasps that are solved together are saved and go on together, bit for bit.
+#[test]
+fn two_grasps_replay_bit_for_bit() {
+    for scene in [two_hands_on_a_bar, one_hand_on_two_cubes] {
+        let mut first = hold(scene("elliptic"));
+        first.push(PUSHES[1]);
+        first.run(0.05);
+        let saved = serde_json::to_string(&Snapshot::take(&first.sim, &first.grasps)).expect("a text");
+
+        let mut second = hold(scene("elliptic"));
+        second.push(PUSHES[2]);
+        second.run(0.02);
+        let snapshot: Snapshot = serde_json::from_str(&saved).expect("a snapshot");
+        snapshot.restore(&mut second.sim, &mut second.grasps).expect("the same scene");
+        for _ in 0..200 {
+            for hold in [&mut first, &mut second] {
+                grasp::step(&mut hold.sim, &mut hold.grasps).expect("a step");
+            }
+            let bits = |x: &[f64]| -> Vec<u64> { x.iter().map(|x| x.to_bits()).collect() };
+            assert_eq!(bits(first.sim.qpos()), bits(second.sim.qpos()));
+            assert_eq!(bits(first.sim.qacc()), bits(second.sim.qacc()));
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::wrench::ContactForce;
 use nalgebra::Vector3;
 
 /// One bound for the linear axes and one for the angular ones.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Bounds {
     /// `mu F_perp` \[N\], Eq. 4.1.
     pub force: f64,

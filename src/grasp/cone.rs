@@ -18,7 +18,8 @@ use slip::{slip_box, slip_ellipsoid};
 pub const MAX_ROWS: usize = 6;
 
 /// Where a contact stands on its cone; the force is affine in the residual in the first two.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Zone {
     /// No force.
     Open,

@@ -65,6 +65,45 @@ pub(super) struct Memory {
     pub zones: [Zone; 2],
 }
 
+/// What a contact hands on to the next step.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Past {
+    /// The two geoms, in the engine's order.
+    pub geoms: (usize, usize),
+    pub position: Vector3<f64>,
+    /// Force of each row in the pass with soft contacts.
+    pub main: [f64; 6],
+    /// Friction force and torque, world axes.
+    pub friction: [Vector3<f64>; 2],
+    /// What the friction pass changed in them; `None` if the engine solved the contact.
+    pub correction: Option<[Vector3<f64>; 2]>,
+    pub zones: [Zone; 2],
+}
+
+impl Past {
+    fn of(contact: &GraspContact) -> Past {
+        let [n, t1, t2] = &contact.axes;
+        let (f, main) = (&contact.force_rows, &contact.main);
+        let friction = [contact.force - n * f[0], contact.torque];
+        let soft = [t1 * main[1] + t2 * main[2], n * main[3] + t1 * main[4] + t2 * main[5]];
+        let correction = [friction[0] - soft[0], friction[1] - soft[1]];
+        Past {
+            geoms: contact.geoms,
+            position: contact.position,
+            main: *main,
+            friction,
+            correction: contact.solved.then_some(correction),
+            zones: contact.zones,
+        }
+    }
+
+    /// True if every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let vectors = self.friction.iter().chain(self.correction.iter().flatten()).chain([&self.position]);
+        vectors.flat_map(|v| v.iter()).chain(&self.main).all(|x| x.is_finite())
+    }
+}
+
 impl GraspContact {
     /// Normal force \[N\], never negative. In a merged grasp (limits "box" and "rigid") a contact can pull, since its
     /// row is bilateral: that counts as no force here.
@@ -194,14 +233,19 @@ impl GraspContact {
 #[derive(Clone, Debug, Default)]
 pub struct ContactSet {
     now: Vec<GraspContact>,
-    before: Vec<GraspContact>,
+    before: Vec<Past>,
+    /// `before` was given, and no step has been made since.
+    restored: bool,
 }
 
 impl ContactSet {
     /// Reads the contacts between hand and target: the engine's of this step, or others in its order. Those that the
     /// engine keeps out of its solve because they lie within the gap are left out.
     pub fn read(&mut self, detected: impl Iterator<Item = Contact>, sim: &Simulation, topology: &Topology) {
-        std::mem::swap(&mut self.now, &mut self.before);
+        if !std::mem::take(&mut self.restored) {
+            self.before.clear();
+            self.before.extend(self.now.iter().map(Past::of));
+        }
         self.now.clear();
         for (index, contact) in detected.enumerate() {
             if contact.excluded {
@@ -216,27 +260,40 @@ impl ContactSet {
 
     /// The nearest contact of the same two geoms in the last step.
     fn remembered(&self, contact: &GraspContact) -> Option<Memory> {
-        let distance = |c: &GraspContact| (c.position - contact.position).norm_squared();
+        let distance = |past: &Past| (past.position - contact.position).norm_squared();
         let before = self
             .before
             .iter()
             .filter(|c| c.geoms == contact.geoms)
             .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let rows = |force: &Vector3<f64>, torque: &Vector3<f64>| -> [f64; 5] {
+        let rows = |[force, torque]: &[Vector3<f64>; 2]| -> [f64; 5] {
             let [n, t1, t2] = &contact.axes;
             [force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)]
         };
-        let [n, t1, t2] = &before.axes;
-        let (f, main) = (&before.force_rows, &before.main);
-        let friction = (before.force - n * f[0], before.torque);
-        let soft = (t1 * main[1] + t2 * main[2], n * main[3] + t1 * main[4] + t2 * main[5]);
-        let correction = rows(&(friction.0 - soft.0), &(friction.1 - soft.1));
         Some(Memory {
-            main: *main,
-            friction: rows(&friction.0, &friction.1),
-            correction: before.solved.then_some(correction),
+            main: before.main,
+            friction: rows(&before.friction),
+            correction: before.correction.as_ref().map(rows),
             zones: before.zones,
         })
+    }
+
+    /// What the next step remembers of the contacts, into `out`.
+    pub(super) fn save_into(&self, out: &mut Vec<Past>) {
+        out.clear();
+        if self.restored {
+            out.extend_from_slice(&self.before);
+        } else {
+            out.extend(self.now.iter().map(Past::of));
+        }
+    }
+
+    /// No contacts now; the next step remembers `past`.
+    pub(super) fn restore(&mut self, past: &[Past]) {
+        self.now.clear();
+        self.before.clear();
+        self.before.extend_from_slice(past);
+        self.restored = true;
     }
 
     /// Reads the forces that the engine's own solve gave these contacts.

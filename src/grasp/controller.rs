@@ -1,6 +1,7 @@
 //! One grasp: who holds what, its phase and its live contacts.
 
 mod latched;
+mod saved;
 
 use super::contacts::{ContactSet, GraspContact};
 use super::detector::Detector;
@@ -11,6 +12,7 @@ use super::phase::{Observation, Phase, PhaseMachine};
 use super::quality::Gram;
 use super::solve::{GraspSolver, SolveStatus};
 use super::spec::{GraspSpec, Limits, palm_of, thresholds};
+use super::state::Identity;
 use super::step::GraspForce;
 use super::topology::{Topology, Tree, is_ancestor};
 use super::weld::{self, Settings};
@@ -40,6 +42,7 @@ pub struct Grasp {
     status: SolveStatus,
     live: Vec<ContactForce>,
     force: GraspForce,
+    identity: Identity,
 }
 
 impl Grasp {
@@ -109,7 +112,9 @@ impl Grasp {
             is_link[link.index()] = true;
         }
         let detector = Detector::new(sim, &topology)?;
+        let identity = Identity::new(model, spec, (palm, &links), [latch_quality, release_quality]);
         Ok(Grasp {
+            identity,
             target: spec.target,
             palm,
             links,
@@ -220,7 +225,7 @@ impl Grasp {
         self.read_engine_contacts(sim)?;
         let now = self.observation(sim);
         if self.machine.observe(now) == Phase::Grasped {
-            self.solver.reset();
+            self.forget();
             let options = latched::solver_options(sim);
             if let Some((_, merged)) = &mut self.merged {
                 merged.begin(sim, &self.topology, &options, self.set.contacts());

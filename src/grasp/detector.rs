@@ -3,6 +3,10 @@
 //! The engine's collision stage looks at every pair of bodies. While a grasp is latched, the contacts between hand and
 //! target are found directly by the engine's own narrow phase, and its whole collision stage is left out of a step for
 //! which nothing else can touch anything.
+//!
+//! When that is depends on how long ago distances were measured, so it is no part of a saved grasp. It may not be seen in
+//! the result either: where the engine's stage could find other contacts of the grasp than the narrow phase alone (its
+//! broad phase is rough), the stage is not left out.
 
 use super::error::Error;
 use super::topology::Topology;
@@ -34,7 +38,7 @@ impl Detector {
     }
 
     /// Takes the place of the engine's collision stage if nothing but hand and target can touch; false, with nothing
-    /// done, if something else might.
+    /// done, if something else might, or if the stage might find other contacts.
     pub(super) fn replaces_collision(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
         let Some((collider, clearance)) = &mut self.direct else {
             return Ok(false);
@@ -42,9 +46,12 @@ impl Detector {
         if !clearance.certifies(sim)? {
             return Ok(false);
         }
-        sim.skip_collision();
         collider.collide(sim, &mut self.found)?;
-        Ok(true)
+        let alike = collider.is_certain(sim, &self.found);
+        if alike {
+            sim.skip_collision();
+        }
+        Ok(alike)
     }
 
     /// The contacts between hand and target, in the engine's order.

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 /// Errors of the grasp layer.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The engine failed or reported a fault.
     #[error(transparent)]
@@ -80,6 +81,21 @@ pub enum Error {
         /// Welds switched on.
         welds: usize,
     },
+    /// A saved state is not of this grasp.
+    #[error(
+        "the saved state is of another grasp: its {what} is {saved}, that of this one {here}; restore it into a grasp that is made with the same spec, of the same model"
+    )]
+    OtherState {
+        /// What differs.
+        what: &'static str,
+        /// In the state.
+        saved: String,
+        /// In the grasp.
+        here: String,
+    },
+    /// A saved state that no grasp can have been in.
+    #[error("the saved state is damaged: its {0} cannot be that of any grasp (ids within the model, finite numbers)")]
+    BadState(&'static str),
     /// The grasp solve met numbers that are not finite.
     #[error(
         "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"

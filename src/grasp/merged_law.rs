@@ -19,7 +19,7 @@ pub(super) struct Law {
 }
 
 /// A contact of the last step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Memory {
     geoms: (usize, usize),
     position: Vector3<f64>,
@@ -60,6 +60,16 @@ impl Memory {
             torque: contact.torque,
             offset,
         }
+    }
+
+    pub(super) fn geoms(&self) -> (usize, usize) {
+        self.geoms
+    }
+
+    /// True if every number is finite.
+    pub(super) fn is_finite(&self) -> bool {
+        let vectors = [&self.position, &self.friction, &self.torque];
+        vectors.into_iter().flat_map(|v| v.iter()).chain([&self.offset]).all(|x| x.is_finite())
     }
 }
 

@@ -58,6 +58,14 @@ pub(super) struct MergedSolver {
     scratch: Scratch,
 }
 
+/// What a latched merged grasp hands on to the next step.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct MergedState {
+    pub contacts: Vec<Memory>,
+    pub wrench: Vector6<f64>,
+    pub bounds: Bounds,
+}
+
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     group: Vec<usize>,
@@ -111,6 +119,19 @@ impl MergedSolver {
     /// Wrench that the weld's rows carried in the last step, on the target about its centre of mass, in the rows' axes.
     pub(super) fn wrench(&self) -> Vector6<f64> {
         self.wrench
+    }
+
+    /// What the next step remembers, into `out`.
+    pub(super) fn save_into(&self, out: &mut MergedState) {
+        out.contacts.clone_from(&self.memory);
+        (out.wrench, out.bounds) = (self.wrench, self.bounds);
+    }
+
+    /// The next step remembers `state`.
+    pub(super) fn restore(&mut self, state: &MergedState) {
+        self.memory.clone_from(&state.contacts);
+        (self.wrench, self.bounds) = (state.wrench, state.bounds);
+        self.rows = None;
     }
 
     /// Takes over from the engine's contacts, after a step with their forces: the forces go on as they are.

@@ -37,8 +37,19 @@ pub struct Neighbour {
     owner: Owner,
 }
 
+/// What a constraint hands on to the next step.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Past {
+    owner: Owner,
+    rows: usize,
+    main: [f64; MAX_ROWS],
+    force: [f64; MAX_ROWS],
+    zones: [Zone; 2],
+}
+
 /// What the rows belong to, from step to step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 enum Owner {
     /// Type of row and number of the equality, joint, tendon or degree of freedom.
     Element(i32, usize),
@@ -79,10 +90,28 @@ impl Neighbours {
         Ok(())
     }
 
-    /// Forgets the last step's forces: this grasp has not solved its neighbours in it.
+    /// Forgets the last step's forces: this grasp has not solved its neighbours in it, or was released.
     pub fn forget(&mut self) {
         self.list.clear();
         self.guests.clear();
+    }
+
+    /// What the next step remembers, into `out`.
+    pub(super) fn save_into(&self, out: &mut Vec<Past>) {
+        out.clear();
+        out.extend(self.list.iter().filter(|n| n.guest().is_none()).map(|n| Past {
+            owner: n.owner,
+            rows: n.rows,
+            main: n.main,
+            force: n.force,
+            zones: n.zones,
+        }));
+    }
+
+    /// The next step remembers `past`.
+    pub(super) fn restore(&mut self, past: &[Past]) {
+        self.list.clear();
+        self.list.extend(past.iter().map(Past::constraint));
     }
 
     /// The constraints of this step.
@@ -235,6 +264,28 @@ impl Neighbours {
         self.jacobian.truncate(j0 + dim * nv);
         self.bias.truncate(b0 + dim);
         Ok(())
+    }
+}
+
+impl Past {
+    /// A constraint that has this to remember, and no part in any solve.
+    fn constraint(&self) -> Neighbour {
+        let Past { owner, rows, main, force, zones } = *self;
+        let (law, pairs) = (Law::Still, [0.0; 5]);
+        Neighbour { law, rows, first: 0, main, force, zones, pairs, gives: false, solved: false, row: 0, owner }
+    }
+
+    /// The geoms that it names, if it is a contact.
+    pub(super) fn geoms(&self) -> Option<(usize, usize)> {
+        match self.owner {
+            Owner::Element(..) | Owner::Guest(_) => None,
+            Owner::Geoms(a, b, _) => Some((a, b)),
+        }
+    }
+
+    /// True if its rows are those of one constraint and every number is finite.
+    pub(super) fn is_sound(&self) -> bool {
+        (1..=MAX_ROWS).contains(&self.rows) && self.main.iter().chain(&self.force).all(|x| x.is_finite())
     }
 }
 

@@ -28,7 +28,7 @@ pub struct Observation {
 
 /// Latches after the quality was good, with contact, for a set *simulated* time; releases when it is no longer
 /// sufficient. Two thresholds and a time on the way in: a quality that hovers around one of them does not chatter.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseMachine {
     phase: Phase,
     latch_time: f64,
@@ -40,6 +40,26 @@ impl PhaseMachine {
     /// An ungrasped machine that latches after `latch_time` seconds of good quality.
     pub fn new(latch_time: f64) -> Self {
         PhaseMachine { phase: Phase::Ungrasped, latch_time, good_for: 0.0, allowed: true }
+    }
+
+    /// A machine in the midst of its work: in `phase`, with so many seconds of good quality counted.
+    pub(super) fn resumed(latch_time: f64, phase: Phase, good_for: f64, allowed: bool) -> Self {
+        PhaseMachine { phase, latch_time, good_for, allowed }
+    }
+
+    /// Simulated time for which the quality must be good \[s\].
+    pub(super) fn latch_time(&self) -> f64 {
+        self.latch_time
+    }
+
+    /// Simulated time for which it has been good \[s\].
+    pub(super) fn good_for(&self) -> f64 {
+        self.good_for
+    }
+
+    /// False while latching is forbidden.
+    pub(super) fn is_allowed(&self) -> bool {
+        self.allowed
     }
 
     /// The present phase.

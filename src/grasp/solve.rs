@@ -81,6 +81,16 @@ impl GraspSolver {
         self.noslip = [0.0; ROOT];
     }
 
+    /// Where the two passes start in the next step.
+    pub(super) fn warm_start(&self) -> [RootVector; 2] {
+        [self.main, self.noslip]
+    }
+
+    /// Sets where the two passes start in the next step.
+    pub(super) fn set_warm_start(&mut self, [main, noslip]: [RootVector; 2]) {
+        (self.main, self.noslip) = (main, noslip);
+    }
+
     /// Computes the force of each contact, together with `neighbours`. What it was in the last step, its memory, is where
     /// the solve starts.
     pub fn solve(

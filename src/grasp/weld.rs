@@ -114,7 +114,7 @@ fn lend(sim: &Simulation, grasps: &[Grasp], count: usize) -> Result<std::ops::Ra
 }
 
 /// The user's settings that weld rows cannot live with.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Settings {
     noslip_iterations: usize,
     jacobian: JacobianStorage,
@@ -145,6 +145,11 @@ pub(super) fn adapt_settings(sim: &mut Simulation, grasps: &mut [Grasp]) -> Resu
 }
 
 impl Settings {
+    /// Whether the engine knows such settings.
+    pub(super) fn are_known(&self) -> bool {
+        !matches!(self.jacobian, JacobianStorage::Other(_)) && i32::try_from(self.noslip_iterations).is_ok()
+    }
+
     fn put(&self, sim: &mut Simulation, noslip_iterations: usize) -> Result<(), Error> {
         if sim.model().noslip_iterations() != noslip_iterations {
             sim.set_noslip_iterations(noslip_iterations)?;

@@ -3,6 +3,7 @@
 // A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+use super::broad::any_twice;
 use super::compat;
 use super::contact::Contact;
 use super::error::{Error, check_index, check_length};
@@ -23,6 +24,8 @@ const NAME: &str = "mjCOLLISIONFUNC";
 ///   bounding spheres overlap by less than that precision, or that only a larger override margin reaches;
 /// - the engine tests a plane of a static body other than the world twice, if something passes close to its origin;
 /// - the engine stops at `nconmax` contacts.
+///
+/// [`is_certain`](Self::is_certain) says of contacts that were found whether all of this can be ruled out.
 #[derive(Clone)]
 pub struct PairCollider {
     pub(super) pairs: Vec<TestedPair>,
@@ -32,6 +35,8 @@ pub struct PairCollider {
     buffer: Buffer,
     ngeom: usize,
     npair: usize,
+    /// The engine may test a pair twice.
+    pub(super) twice: bool,
 }
 
 /// What the bounding spheres of a pair are tested with.
@@ -100,7 +105,9 @@ impl PairCollider {
         let parameters: Vec<_> = pairs.iter().map(|pair| ContactParameters::new(model, pair)).collect();
         let probes =
             pairs.iter().zip(&parameters).map(|(pair, parameters)| Probe::new(sim, pair, parameters.margin)).collect();
-        Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), ngeom: model.ngeom(), npair: model.npair() })
+        let twice = any_twice(sim, &pairs);
+        let (ngeom, npair) = (model.ngeom(), model.npair());
+        Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), ngeom, npair, twice })
     }
 
     /// Whether this version of the engine lets its narrow phase be called alone (2.2.2 does, 3.x does not).

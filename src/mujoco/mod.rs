@@ -8,6 +8,7 @@
 
 mod arrays;
 mod arrow;
+mod broad;
 mod camera;
 mod clearance;
 mod collider;

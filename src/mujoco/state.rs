@@ -2,12 +2,16 @@
 
 use super::arrays::{slice, slice_mut};
 use super::compat;
-use super::error::{Error, check_length};
+use super::error::{Error, check_length, check_value};
 use super::simulation::Simulation;
 
 /// Everything that the next steps depend on, apart from parameters of the model: a replay from it is the same bit for
 /// bit. Numbers are in the engine's order.
-#[derive(Debug, Clone, PartialEq, Default)]
+///
+/// It can be written with any serde format that keeps all bits of an `f64` (for JSON, with serde_json's feature
+/// `float_roundtrip`). Grasps have a state of their own: see [`Snapshot`](crate::grasp::Snapshot).
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub struct State {
     /// Simulation time, s.
     pub time: f64,
@@ -37,6 +41,7 @@ pub struct State {
 
 impl Simulation {
     /// The current state.
+    #[must_use]
     pub fn save(&self) -> State {
         let mut state = State::default();
         self.save_into(&mut state);
@@ -66,19 +71,9 @@ impl Simulation {
     /// Goes back to a saved state, also after a fault or a divergence. Positions of bodies, contacts and so on are
     /// those of before until the next [`forward`](Self::forward) or [`step`](Self::step).
     ///
-    /// Fails, changing nothing, if the state is of a model with other sizes.
+    /// Fails, changing nothing, if the state is of a model with other sizes, or if a number in it is not finite.
     pub fn restore(&mut self, state: &State) -> Result<(), Error> {
-        check_length("qpos of the state", self.qpos().len(), state.qpos.len())?;
-        check_length("qvel of the state", self.qvel().len(), state.qvel.len())?;
-        check_length("act of the state", self.act().len(), state.act.len())?;
-        check_length("ctrl of the state", self.ctrl().len(), state.ctrl.len())?;
-        check_length("qfrc_applied of the state", self.qfrc_applied().len(), state.qfrc_applied.len())?;
-        check_length("xfrc_applied of the state", self.xfrc_applied().len(), state.xfrc_applied.len())?;
-        check_length("mocap_pos of the state", self.mocap_pos().len(), state.mocap_pos.len())?;
-        check_length("mocap_quat of the state", self.mocap_quat().len(), state.mocap_quat.len())?;
-        check_length("qacc_warmstart of the state", self.qacc_warmstart().len(), state.qacc_warmstart.len())?;
-        check_length("eq_active of the state", self.eq_active().len(), state.eq_active.len())?;
-        check_length("eq_data of the state", self.model().eq_data().len(), state.eq_data.len())?;
+        self.check_state(state)?;
         if self.is_interrupted() {
             self.reset()?;
         }
@@ -95,6 +90,27 @@ impl Simulation {
         self.eq_active_mut().copy_from_slice(&state.eq_active);
         self.eq_data_mut().copy_from_slice(&state.eq_data);
         Ok(())
+    }
+
+    /// Sizes as the model's, and numbers that are numbers.
+    fn check_state(&self, state: &State) -> Result<(), Error> {
+        let check = |what: &'static str, here: &[f64], saved: &[f64]| {
+            check_length(what, here.len(), saved.len())?;
+            let bad = saved.iter().copied().find(|x| !x.is_finite());
+            bad.map_or(Ok(()), |value| check_value(what, value, "finite", |_| true))
+        };
+        check_value("the time of the state", state.time, "finite", |_| true)?;
+        check("qpos of the state", self.qpos(), &state.qpos)?;
+        check("qvel of the state", self.qvel(), &state.qvel)?;
+        check("act of the state", self.act(), &state.act)?;
+        check("ctrl of the state", self.ctrl(), &state.ctrl)?;
+        check("qfrc_applied of the state", self.qfrc_applied(), &state.qfrc_applied)?;
+        check("xfrc_applied of the state", self.xfrc_applied(), &state.xfrc_applied)?;
+        check("mocap_pos of the state", self.mocap_pos(), &state.mocap_pos)?;
+        check("mocap_quat of the state", self.mocap_quat(), &state.mocap_quat)?;
+        check("qacc_warmstart of the state", self.qacc_warmstart(), &state.qacc_warmstart)?;
+        check_length("eq_active of the state", self.eq_active().len(), state.eq_active.len())?;
+        check("eq_data of the state", self.model().eq_data(), &state.eq_data)
     }
 
     fn eq_active(&self) -> &[u8] {
