@@ -119,18 +119,6 @@ fn carried_to_another_place() {
 }
 
 #[test]
-fn handed_over() {
-    follows("handover", "none", 1e-6, 1e-3, 100);
-}
-
-#[test]
-fn held_by_two_hands() {
-    for push in ["pull", "side", "twist"] {
-        follows("two-hands", push, 1e-6, 1e-3, 100);
-    }
-}
-
-#[test]
 fn every_scenario_and_push_has_a_reference() {
     for scenario in builtin::ALL {
         let plan = Plan::load(scenario.name).expect("a built-in scenario");
