@@ -1,10 +1,10 @@
 //! What a saved state is good for beyond a replay at once: text without loss, another process, and what is refused.
+#![cfg_attr(mujoco3, allow(unused_imports, dead_code))] // one test less
 
 #[path = "common/bits.rs"]
 mod bits;
 #[path = "common/claw.rs"]
 mod claw;
-#![cfg_attr(mujoco3, allow(unused_imports, dead_code))] // one test less
 
 use bits::{Format, bits, through};
 use claw::Claw;
