@@ -3,12 +3,27 @@
 //! Search order: `MUJOCO_DIR` (an upstream release, or an unpacked PyPI wheel's `mujoco` folder), then Debian's
 //! `libmujoco-dev`. Everything that is missing ends in one error that names what to install.
 
+use std::collections::{BTreeSet, HashSet};
 use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Header versions (`mjVERSION_HEADER`) that `src/mujoco/compat.rs` knows.
-const SUPPORTED: &[u32] = &[222];
+/// Header versions (`mjVERSION_HEADER`) that are known to work; others are tried, with a warning.
+const TESTED: &[u32] = &[222, 337, 3_017_000];
+
+/// What a version of MuJoCo 3 may or may not have: the flag with which `src/mujoco/compat/v3` asks for it, the name in
+/// the headers that tells, and other names without which the code does if need be.
+const FEATURES: &[(&str, &str, &[&str])] = &[
+    ("mj_actuator_outputs", "actuator_outadr", &["nactuator", "nout"]),
+    ("mj_delays", "nhistory", &[]),
+    ("mj_efc_diag_a", "efc_diagA", &["efc_diagApprox"]),
+    ("mj_factored_rows", "efc_Y", &["nY"]),
+    ("mj_lazy_flags", "flg_rnepost", &["flg_energypos"]),
+    ("mj_log_handler", "mjLogMessage", &["mjLOG_ERROR", "mjLOG_WARNING"]),
+    ("mj_sleep", "mjENBL_SLEEP", &[]),
+    ("mj_sparse_tendons", "nJten", &[]),
+    ("mj_warn_vgeomfull", "mjWARN_VGEOMFULL", &[]),
+];
 
 /// Where MuJoCo is: an include folder that holds `mujoco/mujoco.h`, and one library file.
 struct Installation {
@@ -30,16 +45,96 @@ fn main() {
     println!("cargo::rerun-if-changed={}", found.library.display());
 
     let version = header_version(&headers.join("mujoco.h")).unwrap_or_else(|why| fail(&why));
-    if !SUPPORTED.contains(&version) {
+    let is_3 = version >= 300;
+    if !is_3 && version / 10 != 22 {
         fail(&format!(
-            "the headers in {} are of MuJoCo {}; this version of mujoco-grasp supports 2.2.2 (Debian 12's \
-             libmujoco-dev). Point MUJOCO_DIR to such an installation, or unset it to use Debian's package",
+            "the headers in {} are of MuJoCo {}, with which mujoco-grasp does not work; it is tested with {}. Point \
+             MUJOCO_DIR to one of those, or unset it to use Debian's package",
             headers.display(),
-            readable(version)
+            readable(version),
+            tested()
         ));
     }
-    generate(&found.include);
+    let bindings = generate(&found.include);
+    let names: HashSet<&str> = bindings.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+
+    println!("cargo::rustc-check-cfg=cfg(mujoco3)");
+    if is_3 {
+        println!("cargo::rustc-cfg=mujoco3");
+    }
+    for (flag, name, _) in FEATURES {
+        println!("cargo::rustc-check-cfg=cfg({flag})");
+        if is_3 && names.contains(name) {
+            println!("cargo::rustc-cfg={flag}");
+        }
+    }
+    if !TESTED.contains(&version) {
+        let what = format!("MuJoCo {} ({})", readable(version), headers.display());
+        let missing = missing(&names, &found.library, is_3);
+        if !missing.is_empty() {
+            fail(&format!(
+                "{what} lacks what mujoco-grasp needs: {}. Tested versions: {}; point MUJOCO_DIR to one of those",
+                missing.join(", "),
+                tested()
+            ));
+        }
+        println!(
+            "cargo::warning={what} is not among the versions that mujoco-grasp is tested with ({}). It is tried; run \
+             the tests before you trust it",
+            tested()
+        );
+    }
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("bindings.rs");
+    fs::write(&out, &bindings).unwrap_or_else(|e| fail(&format!("cannot write {}: {e}", out.display())));
     link(&found);
+}
+
+/// What the crate's code uses and this version does not have, by name.
+fn missing(names: &HashSet<&str>, library: &Path, is_3: bool) -> Vec<String> {
+    let other = if is_3 { "v2.rs" } else { "v3" };
+    let mut missing = BTreeSet::new();
+    let mut folders = vec![PathBuf::from("src/mujoco")];
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if !path.iter().any(|part| part == other) {
+                let code = fs::read_to_string(&path).unwrap_or_default();
+                missing.extend(used(&code).filter(|name| !names.contains(name)).map(str::to_owned));
+            }
+        }
+    }
+    for (_, name, more) in FEATURES {
+        missing.retain(|known| known != name && !more.contains(&known.as_str()));
+    }
+    // Not in any header; a name of it would be an error of the linker.
+    let handler = match names.contains("mjLogMessage") {
+        true => "_mjPRIVATE_setTlsLogHandler",
+        false => "_mjPRIVATE__set_tls_error_fn",
+    };
+    let exported = fs::read(library).unwrap_or_default();
+    if !exported.windows(handler.len()).any(|bytes| bytes == handler.as_bytes()) {
+        missing.insert(handler.to_owned());
+    }
+    missing.into_iter().collect()
+}
+
+/// Names of the engine in a source file: `ffi::mj...`, `(*d).name`, `(*m).name`, and what the macros for arrays and
+/// stages list.
+fn used(code: &str) -> impl Iterator<Item = &str> {
+    fn leading(text: &str) -> &str {
+        &text[..text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len())]
+    }
+    fn listed(line: &str) -> Option<&str> {
+        let name = leading(line);
+        match line[name.len()..].strip_prefix(": ") {
+            Some(rest) => ["f64 [", "f32 [", "i32 [", "u8 ["].iter().any(|kind| rest.starts_with(kind)).then_some(name),
+            None => line[name.len()..].strip_prefix(" = ").filter(|rest| rest.starts_with("mj_")).map(leading),
+        }
+    }
+    let after = |start| code.split(start).skip(1).map(leading);
+    let bindings = after("ffi::").filter(|name| name.starts_with("mj"));
+    bindings.chain(after("(*d).")).chain(after("(*m).")).chain(code.lines().map(str::trim_start).filter_map(listed))
 }
 
 fn find() -> Result<Installation, String> {
@@ -112,6 +207,10 @@ fn header_version(header: &Path) -> Result<u32, String> {
         .ok_or_else(|| format!("{} does not define mjVERSION_HEADER", header.display()))
 }
 
+fn tested() -> String {
+    TESTED.iter().map(|version| readable(*version)).collect::<Vec<_>>().join(", ")
+}
+
 /// 222 is 2.2.2; from 3.5 on the number is written 3005000.
 fn readable(version: u32) -> String {
     match version {
@@ -120,7 +219,8 @@ fn readable(version: u32) -> String {
     }
 }
 
-fn generate(include: &Path) {
+/// The bindings as Rust source.
+fn generate(include: &Path) -> String {
     let builder = bindgen::Builder::default()
         .header_contents("mujoco_grasp_wrapper.h", "#include <mujoco/mujoco.h>\n")
         .clang_arg(format!("-I{}", include.display()))
@@ -143,8 +243,8 @@ fn generate(include: &Path) {
     std::panic::set_hook(Box::new(|_| {}));
     let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| builder.generate()));
     std::panic::set_hook(hook);
-    let bindings = match result {
-        Ok(Ok(bindings)) => bindings,
+    match result {
+        Ok(Ok(bindings)) => bindings.to_string(),
         Ok(Err(why)) => fail(&format!(
             "bindgen could not read MuJoCo's headers ({why}): it needs libclang with its own headers and the C \
              library's (apt install libclang-dev libc6-dev)"
@@ -153,9 +253,7 @@ fn generate(include: &Path) {
             "libclang was not found; bindgen needs it to read MuJoCo's headers: install Debian's package \
              libclang-dev (apt install libclang-dev), or set LIBCLANG_PATH to the folder of libclang.so",
         ),
-    };
-    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("bindings.rs");
-    bindings.write_to_file(&out).unwrap_or_else(|e| fail(&format!("cannot write {}: {e}", out.display())));
+    }
 }
 
 fn link(found: &Installation) {

@@ -2,11 +2,12 @@
 //!
 //! `cargo run --release --example references -- tests/data/reference`
 //!
-//! Full mode with 1000 noslip iterations, all of them made; from `measure_from` on one row each 20 ms, rounded to a
+//! They go into a folder named after the engine's version. Full mode with 1000 noslip iterations, all of them made; from `measure_from` on one row each 20 ms, rounded to a
 //! micrometre and a tenth of a millinewton.
 #![forbid(unsafe_code)]
 
 use anyhow::Context;
+use mujoco_grasp::mujoco::mujoco_version;
 use mujoco_grasp::scenario::builtin;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, run};
@@ -18,6 +19,7 @@ const RATE: f64 = 50.0;
 
 fn main() -> anyhow::Result<()> {
     let folder = PathBuf::from(std::env::args_os().nth(1).context("usage: references FOLDER")?);
+    let folder = folder.join(mujoco_version());
     std::fs::create_dir_all(&folder)?;
     for scenario in builtin::ALL {
         let plan = Plan::load(scenario.name)?;

@@ -35,7 +35,7 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`mujoco`] | safe binding to MuJoCo 2.2.2: models, simulations, stages, contacts, rows, pictures |
+//! | [`mujoco`] | safe binding to MuJoCo 2.2.2 and 3: models, simulations, stages, contacts, rows, pictures |
 //! | [`grasp`] | contacts, quality, phases and the constraint; [`grasp::step`] in place of [`mujoco::Simulation::step`] |
 //! | [`kinematics`] | fingertips to goals, by damped least squares |
 //! | [`scenario`] | scenario files, runs in both modes, what became of the object, benches |

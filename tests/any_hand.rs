@@ -140,7 +140,7 @@ impl Scene {
         let model = Model::from_xml_string(&self.xml()).unwrap_or_else(|e| panic!("{self:?}: {e}"));
         let mut sim = Simulation::new(&model).expect("a simulation");
         let object = sim.model().body("object").expect("object");
-        let spec = GraspSpec { palm: None, ..GraspSpec::new(object, BodyId::WORLD) };
+        let spec = GraspSpec::new(object, None);
         let mut grasps = vec![Grasp::new(&sim, &spec).unwrap_or_else(|e| panic!("{self:?}: {e}"))];
         assert_eq!(sim.model().body_name(grasps[0].palm()), Some("palm"), "{self:?}");
         let start = sim.qpos().to_vec();
@@ -289,7 +289,7 @@ fn found(worldbody: &str, rest: &str) -> Result<String, String> {
     let (palm, _) = find_hand(&model, model.body("object").expect("object")).map_err(|e| e.to_string())?;
     // what is found holds the grasp, too
     let sim = Simulation::new(&model).expect("a simulation");
-    let spec = GraspSpec { palm: None, ..GraspSpec::new(model.body("object").expect("object"), BodyId::WORLD) };
+    let spec = GraspSpec::new(model.body("object").expect("object"), None);
     assert_eq!(Grasp::new(&sim, &spec).expect("a grasp").palm(), palm);
     Ok(model.body_name(palm).unwrap_or("nameless").to_owned())
 }

@@ -1,4 +1,7 @@
 //! `PairCollider` against the engine's own collision stage, bit for bit.
+//!
+//! Not with MuJoCo 3, whose narrow phase this crate does not call: see `binding_arena`.
+#![cfg(not(mujoco3))]
 
 use mujoco_grasp::mujoco::{BodyId, Contact, GeomId, Model, PairCollider, Simulation};
 use std::path::Path;

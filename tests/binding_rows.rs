@@ -112,7 +112,7 @@ fn rows_are_found_and_rewritten() {
         sim.set_row_kbip(4, [10.0, 20.0, 0.5, 0.0]).unwrap();
         sim.set_row_position(4, 0.03).unwrap();
         sim.set_row_regularization(4, 0.25).unwrap();
-        assert_eq!((sim.efc_R()[4], sim.efc_D()[4], sim.efc_diagApprox()[4]), (0.25, 4.0, 0.25));
+        assert_eq!((sim.efc_R()[4], sim.efc_D()[4], sim.efc_diagonal()[4]), (0.25, 4.0, 0.25));
         sim.velocity().unwrap();
         // aref = -B v - K I (pos - margin), at rest.
         assert!((sim.efc_aref()[4] + 10.0 * 0.5 * 0.03).abs() < 1e-15);

@@ -203,7 +203,9 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
                 let long = format!("<mujoco><include file='{}.xml'/></mujoco>", "x".repeat(1200));
                 for step in 0..20 {
                     if i % 2 == 0 {
-                        assert!(matches!(Model::from_xml_string(&long), Err(Error::Engine { .. })));
+                        // In 2.2.2 a fault of the engine; 3.x only says that there is no such file.
+                        let error = Model::from_xml_string(&long).unwrap_err();
+                        assert!(matches!(error, Error::Engine { .. }) != cfg!(mujoco3), "{error}");
                     } else {
                         let mut sim = Simulation::new(&scene()).unwrap();
                         drive(&mut sim, step);
@@ -214,6 +216,21 @@ fn a_fault_in_one_thread_leaves_the_others_alone() {
         })
         .collect();
     threads.into_iter().for_each(|thread| thread.join().unwrap());
+}
+
+/// Contacts and their rows go together.
+#[test]
+fn a_skipped_collision_leaves_no_contact_and_no_row() {
+    let xml =
+        "<mujoco><worldbody><geom type='plane' size='1 1 1'/><body pos='0 0 .09'><freejoint/><geom size='.1'/></body>
+      </worldbody></mujoco>";
+    let mut sim = Simulation::new(&Model::from_xml_string(xml).unwrap()).unwrap();
+    sim.forward().unwrap();
+    assert!(sim.contact_count() == 1 && sim.nefc() > 0);
+    sim.skip_collision();
+    assert_eq!((sim.contact_count(), sim.nefc()), (0, 0));
+    sim.make_constraint().unwrap();
+    assert_eq!(sim.nefc(), 0);
 }
 
 /// Nothing that safe code can do in the wrong order may crash: stages in any order, options and rows changed between

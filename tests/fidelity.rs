@@ -176,7 +176,11 @@ fn parallel_grippers() {
     let mut table = Table::new("A box in a parallel gripper");
     for cone in [ELLIPTIC, PYRAMIDAL] {
         let gripper = gripper(Pad::Face).scene([[8.0, 0.0, 0.0], [6.0, 2.0, -3.0]]).with(ELLIPTIC, cone);
-        table.row(&format!("two actuators, {}", short(cone)), &gripper, (0.0025, 0.001));
+        // Two boxes' contacts have half their overlap as depth in 2.2.2, and all of it in 3.17.0: there the same pads are
+        // stiffer and share their friction in another way. Under a pyramid the motions are then 0.37 % apart (2.2.2: 0.11 %),
+        // of which 0.09 % is full mode's own difference between noslip 100 and 1000 (2.2.2: none).
+        let allowed = if cfg!(mujoco3) { 0.005 } else { 0.0025 };
+        table.row(&format!("two actuators, {}", short(cone)), &gripper, (allowed, 0.001));
         let mimic = gripper
             .with("<actuator>", r#"<equality><joint joint1="f1" joint2="f0"/></equality><actuator>"#)
             .with(r#"<position name="f1" joint="f1" kp="2000"/>"#, "")

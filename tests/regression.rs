@@ -1,9 +1,14 @@
 //! Grasped runs against stored references: MuJoCo's full contact solve of every built-in scenario and push, 1000 noslip
-//! iterations (`tests/data/reference`, made by `cargo run --release --example references -- tests/data/reference`).
+//! iterations (made by `cargo run --release --example references -- tests/data/reference`).
+//!
+//! Each engine has its own (`tests/data/reference/VERSION`): what a ball does that rolls out of a grip differs by half a
+//! millimetre between the full solves of 2.2.2 and 3.17.0, five hundred times the bounds here. For a version without
+//! stored references the full solve is made anew.
 //!
 //! A change of the grasp layer, of the models or of the scenarios shows here. Bounds are two to three times what was
 //! measured; differences below 1 um (the rounding of the references) count as none.
 
+use mujoco_grasp::mujoco::mujoco_version;
 use mujoco_grasp::scenario::builtin;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, run};
@@ -20,8 +25,19 @@ struct Row {
     normal_forces: Vec<f64>,
 }
 
-fn reference(name: &str) -> Vec<Row> {
-    let path = format!("{}/tests/data/reference/{name}.csv", env!("CARGO_MANIFEST_DIR"));
+/// Rows of a reference per second.
+const RATE: f64 = 50.0;
+
+/// The full solve of a push, if there is one: stored for this engine, or made.
+fn reference(plan: &Plan, push: &str) -> Vec<Row> {
+    let folder = format!("{}/tests/data/reference/{}", env!("CARGO_MANIFEST_DIR"), mujoco_version());
+    if !std::path::Path::new(&folder).exists() {
+        let start = plan.timeline.measure_from();
+        let times: Vec<f64> =
+            (0..).map(|i| start + i as f64 / RATE).take_while(|t| *t < plan.timeline.duration).collect();
+        return at_instants(plan, Mode::Full, push, &times);
+    }
+    let path = format!("{folder}/{}-{push}.csv", plan.name);
     let mut file = csv::Reader::from_path(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
     let row = |record: csv::StringRecord| {
         let numbers: Vec<f64> = record.iter().map(|x| x.parse().expect("a number")).collect();
@@ -31,19 +47,19 @@ fn reference(name: &str) -> Vec<Row> {
     file.records().map(|record| row(record.expect("a row"))).collect()
 }
 
-/// The grasped run at the reference's instants.
-fn grasped(plan: &Plan, push: &str, reference: &[Row]) -> Vec<Row> {
+/// A run in one mode, at these times.
+fn at_instants(plan: &Plan, mode: Mode, push: &str, times: &[f64]) -> Vec<Row> {
     let pushes = plan.select_pushes(push).expect("the push");
     let options = Options { noslip: Some(1000) };
-    let run = run(plan, Mode::Grasp, pushes[0], options, &Observer::NOBODY).expect("a run");
+    let run = run(plan, mode, pushes[0], options, &Observer::NOBODY).expect("a run");
     assert!(run.error.is_none(), "{:?}", run.error);
-    assert!(run.summary.latched_at_s.is_some(), "{push}: never latched");
-    let at = |time: f64| {
-        let i = run.trajectory.index_at(time).expect("the same length");
+    assert!(mode == Mode::Full || run.summary.latched_at_s.is_some(), "{push}: never latched");
+    let at = |time: &f64| {
+        let i = run.trajectory.index_at(*time).expect("the same length");
         let sample = run.trajectory.samples()[i];
-        Row { time, position: sample.position, normal_forces: run.trajectory.normal_forces(i).to_vec() }
+        Row { time: *time, position: sample.position, normal_forces: run.trajectory.normal_forces(i).to_vec() }
     };
-    reference.iter().map(|row| at(row.time)).collect()
+    times.iter().map(at).collect()
 }
 
 /// RMS distance of the motions \[m\], relative RMS difference of the normal forces, and instants compared.
@@ -64,8 +80,9 @@ fn difference(a: &[Row], b: &[Row]) -> (f64, f64, usize) {
 
 fn follows(scenario: &str, push: &str, motion: f64, force: f64, instants: usize) {
     let plan = Plan::load(scenario).expect("a built-in scenario");
-    let full = reference(&format!("{scenario}-{push}"));
-    let grasped = grasped(&plan, push, &full);
+    let full = reference(&plan, push);
+    let times: Vec<f64> = full.iter().map(|row| row.time).collect();
+    let grasped = at_instants(&plan, Mode::Grasp, push, &times);
     let (apart, forces, count) = difference(&full, &grasped);
     println!("{scenario} {push}: {:.4} mm apart, normal forces {:.4} %, {count} instants", apart * 1e3, forces * 100.0);
     assert!(count >= instants, "{scenario} {push}: lost after {count} instants");
@@ -80,7 +97,9 @@ fn clutch_pushed_into_the_palm() {
 
 #[test]
 fn clutch_pushed_down() {
-    follows("clutch", "fp2", 1e-6, 1e-3, 170);
+    // The ring finger's contact opens and closes every few steps, in the full solve too; with 3.17.0 not in the same ones.
+    let force = if cfg!(mujoco3) { 0.03 } else { 1e-3 };
+    follows("clutch", "fp2", 1e-6, force, 170);
 }
 
 #[test]
@@ -104,8 +123,12 @@ fn every_scenario_and_push_has_a_reference() {
     for scenario in builtin::ALL {
         let plan = Plan::load(scenario.name).expect("a built-in scenario");
         for push in plan.select_pushes("all").expect("pushes") {
-            let rows = reference(&format!("{}-{}", scenario.name, push.map_or("none", |p| &p.name)));
-            assert!(rows.len() > 100, "{}", scenario.name);
+            for version in ["2.2.2", "3.17.0"] {
+                let name = format!("{version}/{}-{}.csv", plan.name, push.map_or("none", |p| &p.name));
+                let path = format!("{}/tests/data/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+                let lines = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}")).lines().count();
+                assert!(lines > 100, "{name}");
+            }
         }
     }
 }

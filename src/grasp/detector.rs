@@ -15,14 +15,17 @@ use crate::mujoco::{Clearance, Contact, GeomId, PairCollider, Simulation};
 /// Collision detection for one grasp.
 #[derive(Debug, Clone)]
 pub(super) struct Detector {
-    collider: PairCollider,
-    clearance: Clearance,
+    /// Not in all versions of the engine.
+    direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
 }
 
 impl Detector {
     /// For all geoms of hand and target.
     pub(super) fn new(sim: &Simulation, topology: &Topology) -> Result<Self, Error> {
+        if !PairCollider::supported() {
+            return Ok(Detector { direct: None, found: Vec::new() });
+        }
         let geoms = |belongs: &dyn Fn(usize) -> bool| -> Vec<GeomId> {
             let bodies = sim.model().geom_bodyid();
             (0..bodies.len()).filter(|&g| belongs(bodies[g] as usize)).map(GeomId::from_index).collect()
@@ -31,17 +34,20 @@ impl Detector {
         let target = geoms(&|body| topology.in_target(body));
         let collider = PairCollider::new(sim, &hand, &target)?;
         let clearance = Clearance::new(sim, &collider);
-        Ok(Detector { collider, clearance, found: Vec::new() })
+        Ok(Detector { direct: Some((collider, clearance)), found: Vec::new() })
     }
 
     /// Takes the place of the engine's collision stage if nothing but hand and target can touch; false, with nothing
     /// done, if something else might, or if the stage might find other contacts.
     pub(super) fn replaces_collision(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
-        if !self.clearance.certifies(sim)? {
+        let Some((collider, clearance)) = &mut self.direct else {
+            return Ok(false);
+        };
+        if !clearance.certifies(sim)? {
             return Ok(false);
         }
-        self.collider.collide(sim, &mut self.found)?;
-        let alike = self.collider.is_certain(sim, &self.found);
+        collider.collide(sim, &mut self.found)?;
+        let alike = collider.is_certain(sim, &self.found);
         if alike {
             sim.skip_collision();
         }

@@ -122,14 +122,14 @@ fn whiten(
     for_each_dof(sim, topology, contact.link, |dof| {
         chain.push(power(&sim.cdof()[6 * dof..], &turn, &push));
     });
-    let address = sim.model().dof_Madr();
+    let factor = sim.mass_factor();
     let mut k = 0;
     for_each_dof(sim, topology, contact.link, |dof| {
         let value = chain[k];
-        let start = address[dof] as usize + 1;
         k += 1;
-        let ancestors = &mut chain[k..];
-        dense::axpy(-value, &sim.qLD()[start..start + ancestors.len()], ancestors);
+        for (ancestor, l) in chain[k..].iter_mut().zip(factor.ancestors(dof)) {
+            *ancestor -= value * l;
+        }
         let whitened = value * sim.qLDiagInv()[dof].sqrt();
         match place[dof] {
             Place::Finger(index) => own[index] = whitened,

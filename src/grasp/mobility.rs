@@ -8,6 +8,7 @@
 //! `cdof`, `crb` and `cvel`.
 
 use super::topology::Topology;
+use crate::mujoco::MassFactor;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Rotation, then translation; or torque, then force.
@@ -23,10 +24,8 @@ pub struct Dynamics<'a> {
     pub dof_parent: &'a [i32],
     /// Body of each degree of freedom.
     pub dof_body: &'a [i32],
-    /// Address of each row's diagonal in `factor`; the ancestors' entries follow it, the nearest first.
-    pub dof_address: &'a [i32],
     /// `L` of the mass matrix (`qLD`).
-    pub factor: &'a [f64],
+    pub factor: MassFactor<'a>,
     /// `1 / D` (`qLDiagInv`).
     pub inverse_diagonal: &'a [f64],
     /// Motion axis of each degree of freedom (`cdof`).
@@ -61,8 +60,8 @@ impl Dynamics<'_> {
     }
 
     /// `L` entries of `dof` for its ancestors, the nearest first.
-    fn ancestors_factor(&self, dof: usize) -> &[f64] {
-        &self.factor[self.dof_address[dof] as usize + 1..]
+    fn ancestors_factor(&self, dof: usize) -> impl Iterator<Item = f64> {
+        self.factor.ancestors(dof)
     }
 
     /// Parent of a degree of freedom.
@@ -177,7 +176,7 @@ impl BodyMobility {
             let (done, ancestors) = self.columns.split_at_mut(k + 1);
             let column = &mut done[k];
             for (ancestor, l) in ancestors.iter_mut().zip(dynamics.ancestors_factor(dof)) {
-                *ancestor -= *column * *l;
+                *ancestor -= *column * l;
             }
             *column *= dynamics.inverse_diagonal[dof].sqrt();
         }
@@ -271,7 +270,7 @@ impl FingerMobility {
             let mut ancestor = self.parents[k];
             for l in factor {
                 let Some(j) = ancestor else { break };
-                self.momenta[j] -= momentum * *l;
+                self.momenta[j] -= momentum * l;
                 ancestor = self.parents[j];
             }
         }

@@ -59,12 +59,12 @@ pub struct GraspSpec {
 pub const DEFAULT_LATCH_TIME: f64 = 0.05;
 
 impl GraspSpec {
-    /// A grasp of `target` by every link below `palm`, with all defaults.
-    pub fn new(target: BodyId, palm: BodyId) -> Self {
+    /// A grasp of `target` by every link below `palm`, with all defaults; without a palm (`None`) the hand is found.
+    pub fn new(target: BodyId, palm: impl Into<Option<BodyId>>) -> Self {
         GraspSpec {
             target,
             effectors: Vec::new(),
-            palm: Some(palm),
+            palm: palm.into(),
             latch_quality: None,
             release_quality: None,
             latch_time: DEFAULT_LATCH_TIME,

@@ -35,14 +35,13 @@ fn escape(name: &str) -> String {
 /// The last weld between the target and the hand, or else between the target and the world.
 pub(super) fn find(sim: &Simulation, topology: &Topology, limits: Limits, target: &str) -> Result<EqualityId, Error> {
     let model = sim.model();
-    let (first, second) = (model.eq_obj1id(), model.eq_obj2id());
     let welds = |other: &dyn Fn(usize) -> bool| {
         model
             .equalities()
             .filter(|&id| model.equality_kind(id) == Some(EqualityKind::Weld))
-            .filter(|id| {
-                let (a, b) = (first[id.index()] as usize, second[id.index()] as usize);
-                (topology.in_target(a) && other(b)) || (topology.in_target(b) && other(a))
+            .filter(|&id| {
+                let bodies = model.equality_bodies(id).map(|bodies| bodies.map(|body| body.index()));
+                bodies.is_some_and(|[a, b]| (topology.in_target(a) && other(b)) || (topology.in_target(b) && other(a)))
             })
             .last()
     };

@@ -20,6 +20,22 @@ pub(super) unsafe fn slice_mut<'a, T>(ptr: *mut T, len: usize) -> &'a mut [T] {
     if len == 0 { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(ptr, len) } }
 }
 
+/// Memory of the engine's type `Self` that may be read as `T`.
+pub(super) trait ReadAs<T> {}
+
+impl ReadAs<f64> for f64 {}
+impl ReadAs<f32> for f32 {}
+impl ReadAs<i32> for i32 {}
+impl ReadAs<u8> for u8 {}
+// The engine's switches are bytes in 2.2.2, and booleans of one byte in 3.x.
+impl ReadAs<u8> for bool {}
+
+/// The engine's array under the crate's type.
+#[inline]
+pub(super) fn read_as<S: ReadAs<T>, T>(ptr: *const S) -> *const T {
+    ptr.cast()
+}
+
 /// One factor of a length: a number, or the name of a size field of the model (or, for rows, of the data).
 macro_rules! factor {
     ($sizes:expr, $n:literal) => {
@@ -43,7 +59,7 @@ macro_rules! read_arrays {
             let len = factor!(sizes, $first) $(* factor!(sizes, $more))*;
             // SAFETY: the engine allocates this array with exactly this shape and it lives as long as `self`;
             // whatever writes it takes `&mut self`.
-            unsafe { slice(self.$source().$name, len) }
+            unsafe { slice($crate::mujoco::arrays::read_as::<_, $ty>(self.$source().$name), len) }
         }
     )* };
 }

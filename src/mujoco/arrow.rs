@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::compat;
 use super::error::{Error, check_value};
 use super::ffi;
 
@@ -59,7 +60,7 @@ impl Arrow {
         // SAFETY: the geom is exclusive; null stands for the engine's defaults; the colour has four numbers.
         unsafe {
             ffi::mjv_initGeom(geom, arrow, none, none, none, self.rgba.as_ptr());
-            ffi::mjv_makeConnector(geom, arrow, self.width, from.x, from.y, from.z, to.x, to.y, to.z);
+            compat::connect(geom, arrow, self.width, from, to);
         }
         geom.category = ffi::mjCAT_DECOR as i32;
         geom.objtype = ffi::mjOBJ_UNKNOWN as i32;

@@ -4,12 +4,13 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use super::broad::any_twice;
+use super::compat;
 use super::contact::Contact;
 use super::error::{Error, check_index, check_length};
 use super::ffi;
 use super::ids::{BodyId, GeomId, Id};
 use super::mixing::ContactParameters;
-use super::pairs::{TestedPair, detects, narrow_phase, tested_pairs};
+use super::pairs::{TestedPair, detects, tested_pairs};
 use super::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
 
@@ -80,8 +81,12 @@ impl PairCollider {
     /// For all pairs of a geom of `first` and a geom of `second` that collision detection tests. Geoms that the engine
     /// does not collide (contype and conaffinity, welded bodies, parent and child, `<exclude>`) give no pair.
     ///
-    /// Fails if a geom does not exist.
+    /// Fails if a geom does not exist, and with [`Error::Unsupported`] where [`supported`](Self::supported) says no.
     pub fn new(sim: &Simulation, first: &[GeomId], second: &[GeomId]) -> Result<Self, Error> {
+        if !Self::supported() {
+            let version = compat::header_version();
+            return Err(Error::Unsupported(format!("the narrow phase of MuJoCo {version} cannot be called alone")));
+        }
         let model = sim.model();
         let members = |geoms: &[GeomId]| {
             let mut inside = vec![false; model.ngeom()];
@@ -103,6 +108,11 @@ impl PairCollider {
         let twice = any_twice(sim, &pairs);
         let (ngeom, npair) = (model.ngeom(), model.npair());
         Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), ngeom, npair, twice })
+    }
+
+    /// Whether this version of the engine lets its narrow phase be called alone (2.2.2 does, 3.x does not).
+    pub fn supported() -> bool {
+        compat::NARROW_PHASE
     }
 
     /// Number of geom pairs.
@@ -230,12 +240,12 @@ impl Slab {
 
 /// Room for what the engine finds for one pair.
 #[derive(Clone)]
-pub(super) struct Buffer(Box<[ffi::mjContact]>);
+pub(super) struct Buffer(Box<[compat::Raw]>);
 
 impl Buffer {
     pub fn new() -> Self {
         // SAFETY: a structure of plain numbers.
-        let empty: ffi::mjContact = unsafe { std::mem::zeroed() };
+        let empty: compat::Raw = unsafe { std::mem::zeroed() };
         Self(vec![empty; ffi::mjMAXCONPAIR as usize].into_boxed_slice())
     }
 
@@ -251,11 +261,11 @@ impl Buffer {
         d: *mut ffi::mjData,
         geoms: [usize; 2],
         margin: f64,
-    ) -> &mut [ffi::mjContact] {
+    ) -> &mut [compat::Raw] {
         // SAFETY: every geom has a type.
         let kinds = geoms.map(|geom| unsafe { *(*m).geom_type.add(geom) });
         let [geom1, geom2] = geoms.map(|geom| geom as i32);
-        let Some(function) = narrow_phase(kinds) else {
+        let Some(function) = compat::narrow_phase(kinds) else {
             return &mut [];
         };
         // SAFETY: the function is that of the geoms' types, and writes no more than mjMAXCONPAIR contacts.
@@ -266,7 +276,7 @@ impl Buffer {
 }
 
 /// Two boxes may give a point several times; the engine keeps the last.
-fn without_repeats(found: &mut [ffi::mjContact]) -> &mut [ffi::mjContact] {
+fn without_repeats(found: &mut [ffi::mjContact]) -> &mut [compat::Raw] {
     let mut kept = 0;
     for i in 0..found.len() {
         let repeated = found[i + 1..].iter().any(|later| later.pos == found[i].pos);
@@ -279,7 +289,7 @@ fn without_repeats(found: &mut [ffi::mjContact]) -> &mut [ffi::mjContact] {
 }
 
 fn contact(
-    raw: &ffi::mjContact,
+    raw: &compat::Raw,
     pair: &TestedPair,
     parameters: &ContactParameters,
     friction: [f64; 5],

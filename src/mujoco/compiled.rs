@@ -1,6 +1,7 @@
 //! A compiled model: what [`Model`](super::Model) shares and what each simulation owns a private copy of.
 #![allow(non_snake_case)] // The engine's names are the field's.
 
+use super::compat;
 use super::error::{Error, check_index};
 use super::ffi;
 use super::guard;
@@ -116,8 +117,18 @@ impl CompiledModel {
         npair, "predefined geom pairs";
         nexclude, "excluded body pairs";
         nM, "non-zeros in the sparse inertia matrix";
-        njmax, "constraint rows that fit";
-        nconmax, "contacts that fit";
+    }
+
+    /// Number of constraint rows that fit (njmax); in MuJoCo 3, where memory limits them: a very large number.
+    pub fn njmax(&self) -> usize {
+        // SAFETY: the pointer is valid for as long as `self`.
+        compat::row_capacity(unsafe { &*self.as_ptr() })
+    }
+
+    /// Number of contacts that fit (nconmax); in MuJoCo 3, where memory limits them: a very large number.
+    pub fn nconmax(&self) -> usize {
+        // SAFETY: as above.
+        compat::contact_capacity(unsafe { &*self.as_ptr() })
     }
 
     lookups! {

@@ -1,6 +1,7 @@
 //! Contacts of the current step, copied out of the engine.
 
 use super::arrays::slice;
+use super::compat::{self, EXCLUDED_BY_US};
 use super::error::{Error, check_index};
 use super::ffi;
 use super::ids::{BodyId, GeomId};
@@ -64,10 +65,6 @@ pub struct ContactForce {
     /// Torque on body 2 about the contact point, N m (on body 1: the opposite).
     pub torque: Vector3<f64>,
 }
-
-/// mjContact.exclude of 2.2.2: 0 included, 1 in gap, 2 fused, 3 equality, 4 no degrees of freedom. A contact is made
-/// into rows only at 0.
-pub(super) const EXCLUDED_BY_US: i32 = 3;
 
 impl Simulation {
     fn raw_contacts(&self) -> &[ffi::mjContact] {
@@ -150,7 +147,11 @@ impl Simulation {
     fn has_rows(&self, raw: &ffi::mjContact) -> bool {
         let dim = raw.dim as usize;
         let rows = if dim > 1 && self.model().cone() == Cone::Pyramidal { 2 * (dim - 1) } else { dim };
-        let end = if raw.exclude == EXCLUDED_BY_US { self.model().njmax() } else { self.nefc() };
+        let end = if raw.exclude == EXCLUDED_BY_US {
+            compat::force_capacity(self.model_fields(), self.data())
+        } else {
+            self.nefc()
+        };
         usize::try_from(raw.efc_address).is_ok_and(|first| first + rows <= end)
     }
 }

@@ -5,7 +5,9 @@
 #![allow(non_snake_case)] // The engine's names are the field's.
 
 use super::arrays::{factor, read_arrays, slice, slice_mut, write_arrays};
-use super::compat;
+use super::compat::{self, MassFactor};
+use super::error::{Error, check_index, check_length};
+use super::ids::{ActuatorId, Id};
 use super::simulation::Simulation;
 
 impl Simulation {
@@ -48,23 +50,15 @@ impl Simulation {
         // computed by mj_fwdPosition/mj_tendon
         ten_wrapadr: i32 [ntendon], "Start address of tendon's path";
         ten_wrapnum: i32 [ntendon], "Number of wrap points in path";
-        ten_J_rownnz: i32 [ntendon], "Number of non-zeros in Jacobian row";
-        ten_J_rowadr: i32 [ntendon], "Row start address in colind array";
-        ten_J_colind: i32 [ntendon x nv], "Column indices in sparse Jacobian";
         ten_length: f64 [ntendon], "Tendon lengths";
-        ten_J: f64 [ntendon x nv], "Tendon Jacobian";
         wrap_obj: i32 [nwrap x 2], "Geom id; -1: site; -2: pulley";
         wrap_xpos: f64 [nwrap x 2 x 3], "Cartesian 3D points in all path";
         // computed by mj_fwdPosition/mj_transmission
         actuator_length: f64 [nu], "Actuator lengths";
-        actuator_moment: f64 [nu x nv], "Actuator moments";
         // computed by mj_fwdPosition/mj_crb
         crb: f64 [nbody x 10], "Com-based composite inertia and mass";
-        qM: f64 [nM], "Total inertia (sparse)";
         // computed by mj_fwdPosition/mj_factorM
-        qLD: f64 [nM], "L'*D*L factorization of M (sparse)";
         qLDiagInv: f64 [nv], "1/diag(D)";
-        qLDiagSqrtInv: f64 [nv], "1/sqrt(diag(D))";
         // computed by mj_fwdVelocity
         ten_velocity: f64 [ntendon], "Tendon velocities";
         actuator_velocity: f64 [nu], "Actuator velocities";
@@ -79,12 +73,7 @@ impl Simulation {
         subtree_linvel: f64 [nbody x 3], "Linear velocity of subtree com";
         subtree_angmom: f64 [nbody x 3], "Angular momentum about subtree com";
         // computed by mj_Euler
-        qH: f64 [nM], "L'*D*L factorization of modified M";
         qHDiagInv: f64 [nv], "1/diag(D) of modified M";
-        // computed by mj_implicit
-        D_rownnz: i32 [nv], "Non-zeros in each row";
-        D_rowadr: i32 [nv], "Address of each row in D_colind";
-        D_colind: i32 [nD], "Column indices of non-zeros";
         // computed by mj_implicit/mj_derivative
         qDeriv: f64 [nD], "d (passive + actuator - bias) / d qvel";
         // computed by mj_implicit/mju_factorLUSparse
@@ -112,7 +101,6 @@ impl Simulation {
         efc_pos: f64 [nefc], "Position error of each constraint row";
         efc_margin: f64 [nefc], "Inclusion margin of each constraint row";
         efc_frictionloss: f64 [nefc], "Friction limit of each friction row";
-        efc_diagApprox: f64 [nefc], "Approximate diagonal of A = J M^-1 J^T";
         efc_KBIP: f64 [nefc x 4], "Stiffness, damping, impedance and its derivative of each row";
         efc_D: f64 [nefc], "Constraint mass 1/R of each row";
         efc_R: f64 [nefc], "Regularization R of each row";
@@ -162,6 +150,28 @@ impl Simulation {
         unsafe { slice_mut(model.eq_data, model.neq as usize * compat::EQ_DATA) }
     }
 
+    /// Approximate diagonal of A = J M^-1 J^T.
+    pub fn efc_diagonal(&self) -> &[f64] {
+        // SAFETY: the first `nefc` elements are in use; whatever writes them takes `&mut self`.
+        unsafe { slice(compat::efc_diagonal(self.data()), self.nefc()) }
+    }
+
+    /// The factor of the inertia matrix. Valid after [`inertia`](Self::inertia).
+    pub fn mass_factor(&self) -> MassFactor<'_> {
+        MassFactor::of(self)
+    }
+
+    /// What one actuator moves: the derivative of its length by each degree of freedom, into `out` (nv). Valid after
+    /// [`transmission`](Self::transmission).
+    pub fn actuator_moment_into(&self, actuator: ActuatorId, out: &mut [f64]) -> Result<(), Error> {
+        check_index(ActuatorId::KIND, actuator.index(), self.model().nu())?;
+        check_length("the buffer for nv numbers", self.model().nv(), out.len())?;
+        let (m, d) = self.pointers();
+        // SAFETY: the actuator exists, and the buffer has nv numbers.
+        unsafe { compat::actuator_moment(m, d, actuator.index(), out) };
+        Ok(())
+    }
+
     /// Constraint force of each row, to write.
     pub fn efc_force_mut(&mut self) -> &mut [f64] {
         let data = self.data();
@@ -198,7 +208,7 @@ impl Simulation {
 
     /// Iterations of the constraint solver in the last solve.
     pub fn solver_iter(&self) -> usize {
-        self.data().solver_iter as usize
+        compat::solver_iter(self.data()) as usize
     }
 
     /// Potential and kinetic energy, J; computed only with the `energy` flag

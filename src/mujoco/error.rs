@@ -1,5 +1,6 @@
 //! What can go wrong between this crate and the engine.
 
+use super::compat;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -161,8 +162,8 @@ impl Buffer {
     /// The attribute of `<size>` that sets its size.
     pub fn attribute(self) -> &'static str {
         match self {
-            Buffer::Contacts => "nconmax",
-            Buffer::Constraints => "njmax",
+            Buffer::Contacts => compat::SIZE_OF_CONTACTS,
+            Buffer::Constraints => compat::SIZE_OF_CONSTRAINTS,
         }
     }
 }

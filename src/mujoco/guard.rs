@@ -34,7 +34,7 @@ pub(super) fn call<R>(call: &'static str, f: impl FnOnce() -> R) -> Result<R, Er
 
 /// Installs the handlers again: the model compiler swaps them while it works.
 pub(super) fn install() {
-    compat::install_handlers(on_error, on_warning);
+    compat::install_handlers();
     INSTALLED.set(true);
 }
 
@@ -43,9 +43,9 @@ fn fault(call: &'static str, payload: Box<dyn std::any::Any + Send>) -> Error {
     match payload.downcast::<Fault>() {
         Ok(fault) => Error::Engine {
             call,
-            message: match fault.0.as_str() {
-                "Stack overflow" => "Stack overflow: raise nstack in the model's <size> element".into(),
-                _ => fault.0,
+            message: match compat::full_stack(&fault.0) {
+                Some(size) => format!("Stack overflow: raise {size} in the model's <size> element"),
+                None => fault.0,
             },
         },
         // Not the engine's: a panic of the closure itself goes on.
@@ -65,18 +65,16 @@ pub(super) fn take_texts() -> Vec<String> {
     TEXTS.take()
 }
 
-unsafe extern "C-unwind" fn on_error(message: *const c_char) {
-    // SAFETY: the engine passes a NUL-terminated string that lives until we leave.
-    let text = unsafe { text_of(message) }.into_owned();
-    resume_unwind(Box::new(Fault(text)));
+/// The engine's error handler: unwinds to [`call`].
+pub(super) fn raise(text: String) -> ! {
+    resume_unwind(Box::new(Fault(text)))
 }
 
-unsafe extern "C-unwind" fn on_warning(message: *const c_char) {
-    // SAFETY: as above.
-    let text = unsafe { text_of(message) };
+/// The engine's warning handler: keeps the text.
+pub(super) fn note(text: &str) {
     TEXTS.with_borrow_mut(|texts| {
         if texts.len() < MAX_TEXTS && !texts.iter().any(|known| *known == text) {
-            texts.push(text.into_owned());
+            texts.push(text.into());
         }
     });
     HAS_TEXTS.set(true);
@@ -84,7 +82,7 @@ unsafe extern "C-unwind" fn on_warning(message: *const c_char) {
 
 /// # Safety
 /// `message` is null or a NUL-terminated string that outlives the result.
-unsafe fn text_of<'a>(message: *const c_char) -> std::borrow::Cow<'a, str> {
+pub(super) unsafe fn text_of<'a>(message: *const c_char) -> std::borrow::Cow<'a, str> {
     if message.is_null() {
         return "(no message)".into();
     }
@@ -99,13 +97,11 @@ mod tests {
 
     #[test]
     fn a_fault_returns_the_engines_message() {
-        let text = c"wheel %d fell off";
-        // SAFETY: a constant format string with one integer.
-        let result = call("mju_error_i", || unsafe { ffi::mju_error_i(text.as_ptr(), 3) });
+        let result = call("mju_error", || compat::raise_fault(c"a wheel fell off"));
         match result {
             Err(Error::Engine { call, message }) => {
-                assert_eq!(call, "mju_error_i");
-                assert_eq!(message, "wheel 3 fell off");
+                assert_eq!(call, "mju_error");
+                assert_eq!(message, "a wheel fell off");
             }
             other => panic!("expected a fault, got {other:?}"),
         }
@@ -114,10 +110,7 @@ mod tests {
     #[test]
     fn warnings_are_kept_once_each() {
         let (first, second) = (c"one", c"two");
-        let warn = |text: &CStr| {
-            // SAFETY: a constant string.
-            call("mju_warning", || unsafe { ffi::mju_warning(text.as_ptr()) }).unwrap();
-        };
+        let warn = |text: &CStr| call("mju_warning", || compat::raise_warning(text)).unwrap();
         [first, first, second].into_iter().for_each(warn);
         assert!(has_texts());
         assert_eq!(take_texts(), ["one", "two"]);

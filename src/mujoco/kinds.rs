@@ -41,6 +41,8 @@ kinds! {
         Rk4 = mjINT_RK4,
         /// Implicit in velocity.
         Implicit = mjINT_IMPLICIT,
+        /// Implicit in velocity, without the derivative of Coriolis forces (from MuJoCo 3 on).
+        ImplicitFast = mjINT_IMPLICITFAST,
     }
     /// Shape of the friction cone.
     Cone {

@@ -1,4 +1,4 @@
-//! A safe binding to MuJoCo 2.2.2: the only place in the crate with unsafe code.
+//! A safe binding to MuJoCo 2.2.2 and 3.x: the only place in the crate with unsafe code.
 //!
 //! - [`Model`]: loading; everything readable is on [`CompiledModel`].
 //! - [`Simulation`]: a private copy of a model and its data; steps whole or in [`stages`], [`Contact`]s, Jacobians,
@@ -47,6 +47,7 @@ pub use arrow::Arrow;
 pub use camera::Camera;
 pub use clearance::Clearance;
 pub use collider::PairCollider;
+pub use compat::MassFactor;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};

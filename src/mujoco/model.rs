@@ -103,7 +103,9 @@ fn load(name: &str, vfs: Option<&Vfs>, what: String) -> Result<Model, Error> {
                 warnings.push(text);
             }
             // SAFETY: a fresh model that nobody else has.
-            let compiled = Arc::new(unsafe { CompiledModel::from_raw(ptr) });
+            let (compiled, adopted) = unsafe { (CompiledModel::from_raw(ptr), compat::adopt(ptr.as_ptr())) };
+            adopted.map_err(|message| Error::Load { what, message })?;
+            let compiled = Arc::new(compiled);
             Ok(Model { compiled, warnings: warnings.into() })
         }
         None => {

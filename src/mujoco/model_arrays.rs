@@ -153,7 +153,6 @@ impl CompiledModel {
         tendon_stiffness: f64 [ntendon], "Stiffness coefficient";
         tendon_damping: f64 [ntendon], "Damping coefficient";
         tendon_frictionloss: f64 [ntendon], "Loss due to friction";
-        tendon_lengthspring: f64 [ntendon], "Tendon length in qpos_spring";
         tendon_length0: f64 [ntendon], "Tendon length in qpos0";
         tendon_invweight0: f64 [ntendon], "Inv. weight in qpos0";
         tendon_rgba: f32 [ntendon x 4], "Rgba when material is omitted";

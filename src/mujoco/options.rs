@@ -1,5 +1,6 @@
 //! Physics options: read from any model, set on a simulation's own.
 
+use super::compat;
 use super::compiled::CompiledModel;
 use super::error::{Error, check_value};
 use super::ffi;
@@ -122,12 +123,19 @@ impl CompiledModel {
         self.eq_type().get(id.index()).copied().map(EqualityKind::from_raw)
     }
 
-    /// The two bodies of a connect or weld (the second may be the world); `None` for other constraints.
+    /// The two bodies of a connect or weld, or those of its sites (the second may be the world); `None` for other
+    /// constraints.
     pub fn equality_bodies(&self, id: EqualityId) -> Option<[BodyId; 2]> {
         let kind = self.equality_kind(id)?;
-        let bodies =
-            [self.eq_obj1id(), self.eq_obj2id()].map(|ids| BodyId::from_index(ids[id.index()].max(0) as usize));
-        matches!(kind, EqualityKind::Connect | EqualityKind::Weld).then_some(bodies)
+        if !matches!(kind, EqualityKind::Connect | EqualityKind::Weld) {
+            return None;
+        }
+        let body = |object: i32| {
+            // SAFETY: the equality exists, and these are its objects.
+            let body = unsafe { compat::equality_body(&*self.as_ptr(), id.index(), object) };
+            BodyId::from_index(body.max(0) as usize)
+        };
+        Some([self.eq_obj1id(), self.eq_obj2id()].map(|ids| body(ids[id.index()])))
     }
 }
 
@@ -154,8 +162,8 @@ impl Simulation {
 
     /// Sets the integrator.
     pub fn set_integrator(&mut self, integrator: Integrator) -> Result<(), Error> {
-        self.options_mut().integrator =
-            known(integrator.raw(), matches!(integrator, Integrator::Other(_)), "integrator")?;
+        let unknown = matches!(integrator, Integrator::Other(_)) || !compat::has_integrator(integrator.raw());
+        self.options_mut().integrator = known(integrator.raw(), unknown, "integrator")?;
         Ok(())
     }
 
@@ -246,14 +254,18 @@ impl Simulation {
 }
 
 fn known(raw: i32, unknown: bool, what: &'static str) -> Result<i32, Error> {
-    if unknown { Err(Error::Unsupported(format!("MuJoCo 2.2.2 has no {what} number {raw}"))) } else { Ok(raw) }
+    if unknown {
+        Err(Error::Unsupported(format!("MuJoCo {} has no {what} number {raw}", compat::header_version())))
+    } else {
+        Ok(raw)
+    }
 }
 
 fn count(what: &'static str, value: usize, least: usize) -> Result<i32, Error> {
-    let most = ffi::mjNSOLVER as usize;
+    const MOST: usize = 1000; // Of these 2.2.2 keeps statistics.
     let rule = if least == 0 { "from 0 to 1000" } else { "from 1 to 1000" };
     match i32::try_from(value) {
-        Ok(number) if (least..=most).contains(&value) => Ok(number),
+        Ok(number) if (least..=MOST).contains(&value) => Ok(number),
         _ => Err(Error::Value { what, value: value as f64, rule }),
     }
 }

@@ -1,19 +1,9 @@
 //! Which geom pairs collision detection tests, and in which order: mj_collision of 2.2.2
 //! (engine_collision_driver.c) without its broad phase.
 
+use super::compat;
 use super::ffi;
 use super::simulation::Simulation;
-
-/// The engine's narrow phase: `[type of geom 1][type of geom 2]`, with the smaller type first.
-pub(super) fn narrow_phase(kinds: [i32; 2]) -> ffi::mjfCollision {
-    const KINDS: usize = ffi::mjNGEOMTYPES as usize;
-    // SAFETY: a table of pointers that the library defines and nothing in this process writes.
-    unsafe extern "C" {
-        safe static mjCOLLISIONFUNC: [[ffi::mjfCollision; KINDS]; KINDS];
-    }
-    let [first, second] = kinds.map(|kind| usize::try_from(kind).unwrap_or(KINDS));
-    *mjCOLLISIONFUNC.get(first)?.get(second)?
-}
 
 /// Two geoms that collision detection tests against each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -29,13 +19,11 @@ pub(super) struct TestedPair {
 /// All geom pairs that mj_collision tests if its broad phase lets everything through, in its order. Contacts being
 /// switched off is not looked at: see [`detects`].
 pub(super) fn tested_pairs(sim: &Simulation) -> Vec<TestedPair> {
-    const PREDEFINED_ONLY: i32 = ffi::mjCOL_PAIR as i32;
-    const BOTH: i32 = ffi::mjCOL_ALL as i32;
     let predefined = (0..sim.model().npair()).filter_map(|pair| predefined_pair(sim, pair));
-    match sim.model_fields().opt.collision {
-        PREDEFINED_ONLY => predefined.map(|(_, pair)| pair).collect(),
-        BOTH => merged(predefined.collect(), dynamic_pairs(sim)),
-        _ => dynamic_pairs(sim).map(|(_, pair)| pair).collect(),
+    match compat::collision_kinds(sim.model_fields()) {
+        (true, false) => predefined.map(|(_, pair)| pair).collect(),
+        (true, true) => merged(predefined.collect(), dynamic_pairs(sim)),
+        (false, _) => dynamic_pairs(sim).map(|(_, pair)| pair).collect(),
     }
 }
 
@@ -99,7 +87,7 @@ fn ordered(sim: &Simulation, geoms: [usize; 2], predefined: Option<usize>) -> Op
     let kinds = sim.model().geom_type();
     let [geom1, geom2] = geoms;
     let geoms = if kinds[geom1] > kinds[geom2] { [geom2, geom1] } else { [geom1, geom2] };
-    narrow_phase(geoms.map(|geom| kinds[geom]))?;
+    compat::narrow_phase(geoms.map(|geom| kinds[geom]))?;
     Some(TestedPair { geoms, bodies: geoms.map(|geom| sim.model().geom_bodyid()[geom] as usize), predefined })
 }
 

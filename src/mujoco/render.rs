@@ -57,7 +57,7 @@ pub struct Renderer {
 
 /// What must agree between the model that a renderer was made for and the one it draws: the renderer keeps meshes,
 /// textures and skins by number.
-type Fingerprint = [i32; 9];
+type Fingerprint = [i64; 9];
 
 /// Largest width and height of a picture: 4x antialiasing of this takes about 1 GB.
 const LARGEST: u32 = 4096;
@@ -233,8 +233,11 @@ fn fingerprint(model: &CompiledModel) -> Fingerprint {
     // SAFETY: valid for as long as `model`.
     let m = unsafe { &*model.as_ptr() };
     let of_renderer = [m.nmesh, m.nmeshvert, m.nmeshface, m.nhfield, m.ntex, m.nskin];
-    let [mesh, vertices, faces, fields, textures, skins] = of_renderer;
-    [mesh, vertices, faces, fields, textures, skins, m.ngeom, m.nsite, m.ntendon]
+    let of_scene = [m.ngeom, m.nsite, m.ntendon];
+    let mut sizes = of_renderer.into_iter().chain(of_scene);
+    // Sizes are of 32 bits in 2.2.2, and of 64 in 3.x.
+    #[allow(clippy::useless_conversion)]
+    std::array::from_fn(|_| sizes.next().map_or(0, i64::from))
 }
 
 fn empty() -> (ffi::mjrContext, ffi::mjvScene) {

@@ -6,6 +6,7 @@
 //! and engine_solver.c of 2.2.2), so rewritten rows are as good as made ones, until the next `make_constraint`.
 
 use super::arrays::slice;
+use super::compat;
 use super::error::{Error, check_index, check_length, check_value};
 use super::ffi;
 use super::ids::EqualityId;
@@ -115,7 +116,7 @@ impl Simulation {
             *data.efc_D.add(row) = 1.0 / r;
             // The engine keeps R = (1 - I)/I diagApprox.
             let impedance = *data.efc_KBIP.add(4 * row + 2);
-            *data.efc_diagApprox.add(row) = r * impedance / (1.0 - impedance);
+            *compat::efc_diagonal(data).add(row) = r * impedance / (1.0 - impedance);
         }
         Ok(())
     }
@@ -174,20 +175,13 @@ impl Simulation {
             )));
         }
         let data = self.data_mut();
-        // SAFETY: row addresses, counts and column indices are the engine's own, made for the current rows; the
-        // transpose has an entry for every entry of the row.
+        // SAFETY: row addresses, counts and column indices are the engine's own, made for the current rows.
         unsafe {
             let (start, count) = (*data.efc_J_rowadr.add(row) as usize, *data.efc_J_rownnz.add(row) as usize);
             for k in start..start + count {
                 let column = *data.efc_J_colind.add(k) as usize;
                 *data.efc_J.add(k) = jacobian[column];
-                let (first, rows) =
-                    (*data.efc_JT_rowadr.add(column) as usize, *data.efc_JT_rownnz.add(column) as usize);
-                for k in first..first + rows {
-                    if *data.efc_JT_colind.add(k) as usize == row {
-                        *data.efc_JT.add(k) = jacobian[column];
-                    }
-                }
+                compat::mirror_sparse(data, row, column, jacobian[column]);
             }
         }
         Ok(())

@@ -70,6 +70,7 @@ impl Simulation {
             ffi::mj_copyData(std::ptr::null_mut(), model.as_ptr(), self.data.as_ptr())
         })?;
         let mut copy = Self::from_parts(model, data, "mj_copyData")?;
+        compat::complete_copy(self.model_fields(), self.data(), copy.data_mut());
         copy.interrupted = self.interrupted.clone();
         copy.warnings = self.warnings.clone();
         Ok(copy)
@@ -163,7 +164,7 @@ impl Simulation {
         let d = self.data.as_ptr();
         guard::call(call, || f(self.model.as_ptr(), d)).inspect_err(|_| {
             // SAFETY: between calls nothing is on the engine's stack; the fault skipped the code that empties it.
-            unsafe { (*d).pstack = 0 };
+            compat::empty_stack(unsafe { &mut *d });
         })
     }
 
@@ -171,7 +172,7 @@ impl Simulation {
     /// marked so that no further stage builds on half-done results.
     #[cold]
     fn interrupt(&mut self, fault: Error) -> Error {
-        self.data_mut().pstack = 0;
+        compat::empty_stack(self.data_mut());
         self.forget_contacts();
         if let Error::Engine { call, message } = &fault {
             self.interrupted = Some((call, message.clone()));
@@ -197,8 +198,7 @@ impl Simulation {
 
     /// Drops the current constraint rows.
     pub(super) fn forget_rows(&mut self) {
-        let data = self.data_mut();
-        (data.ne, data.nf, data.nefc) = (0, 0, 0);
+        compat::forget_rows(self.data_mut());
     }
 
     #[inline]

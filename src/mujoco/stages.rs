@@ -39,8 +39,6 @@ impl Simulation {
         step = mj_step;
         /// The first half of a step, before forces and controls are set (mj_step1).
         step1 = mj_step1;
-        /// The second half of a step (mj_step2); an RK4 model is integrated with Euler.
-        step2 = mj_step2;
         /// Everything but the integration (mj_forward): all quantities for the current state.
         forward = mj_forward;
 
@@ -52,10 +50,6 @@ impl Simulation {
         check_acc = mj_checkAcc;
         /// The whole position stage, without sensors and energy (mj_fwdPosition).
         position = mj_fwdPosition;
-        /// Poses of everything, centres of mass, tendons.
-        kinematics = mj_kinematics mj_comPos mj_camlight mj_tendon;
-        /// The inertia matrix and its factorization.
-        inertia = mj_crb mj_factorM;
         /// Actuator lengths and moments.
         transmission = mj_transmission;
         /// The matrix of the dual solvers; nothing for CG and Newton without noslip.
@@ -76,16 +70,48 @@ impl Simulation {
         actuation = mj_fwdActuation;
         /// The sum of all forces but the constraints', and the acceleration that it gives.
         acceleration = mj_fwdAcceleration;
-        /// The constraint solver: efc_force, qfrc_constraint, qacc.
-        constraint = mj_fwdConstraint;
-        /// Sensors that depend on accelerations and forces.
-        sensor_acc = mj_sensorAcc;
         /// Semi-implicit Euler integration.
         euler = mj_Euler;
         /// Accelerations and interaction forces of all bodies (cacc, cfrc_int, cfrc_ext).
         rne_post_constraint = mj_rnePostConstraint;
         /// Compares forward with inverse dynamics (a step does, if `fwdinv` is enabled).
         compare_forward_inverse = mj_compareFwdInv;
+    }
+
+    /// Poses of everything, centres of mass, tendons.
+    pub fn kinematics(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_kinematics", |m, d| unsafe { compat::kinematics(m, d) })
+    }
+
+    /// The inertia matrix and its factorization.
+    pub fn inertia(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_factorM", |m, d| unsafe { compat::inertia(m, d) })
+    }
+
+    /// The second half of a step (mj_step2); an RK4 model is integrated with Euler.
+    pub fn step2(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_step2", |m, d| unsafe {
+            compat::before_solver(m, d);
+            ffi::mj_step2(m, d);
+        })
+    }
+
+    /// The constraint solver: efc_force, qfrc_constraint, qacc.
+    pub fn constraint(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_fwdConstraint", |m, d| unsafe {
+            compat::before_solver(m, d);
+            ffi::mj_fwdConstraint(m, d);
+        })
+    }
+
+    /// Sensors that depend on accelerations and forces.
+    pub fn sensor_acc(&mut self) -> Result<(), Error> {
+        // SAFETY: model and data belong together.
+        self.run("mj_sensorAcc", |m, d| unsafe { compat::sensor_acc(m, d) })
     }
 
     /// Collision detection: fills the contacts. The previous constraint rows are dropped, as they refer to the
@@ -98,6 +124,7 @@ impl Simulation {
 
     /// Makes the constraint rows from equality constraints, friction losses, limits and contacts.
     pub fn make_constraint(&mut self) -> Result<(), Error> {
+        self.forget_rows();
         // SAFETY: model and data belong together.
         self.run("mj_makeConstraint", |m, d| unsafe { ffi::mj_makeConstraint(m, d) })
     }
@@ -113,15 +140,16 @@ impl Simulation {
     pub fn integrate(&mut self) -> Result<(), Error> {
         self.check_staged_integrator()?;
         match self.model().integrator() {
-            Integrator::Implicit => self.implicit(),
+            Integrator::Implicit | Integrator::ImplicitFast => self.implicit(),
             _ => self.euler(),
         }
     }
 
     /// `Ok` if the model's integrator can run in stages.
     pub fn check_staged_integrator(&self) -> Result<(), Error> {
+        compat::check_stages(self.model_fields())?;
         match self.model().integrator() {
-            Integrator::Euler | Integrator::Implicit => Ok(()),
+            Integrator::Euler | Integrator::Implicit | Integrator::ImplicitFast => Ok(()),
             other => Err(Error::Unsupported(format!(
                 "a step in stages needs the integrator Euler or implicit; the model's is {other:?}"
             ))),

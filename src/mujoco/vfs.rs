@@ -1,5 +1,6 @@
 //! MuJoCo's virtual file system: files that the loader reads from memory.
 
+use super::compat;
 use super::error::Error;
 use super::ffi;
 use super::guard;
@@ -15,10 +16,14 @@ pub(super) struct Vfs {
 impl Vfs {
     pub(super) fn new() -> Self {
         let layout = Layout::new::<ffi::mjVFS>();
-        // SAFETY: the layout is not empty; all-zero is the engine's empty file system (mj_defaultVFS is a memset).
+        // SAFETY: the layout is not empty; a structure of plain numbers and pointers.
         let ptr = unsafe { alloc_zeroed(layout) }.cast::<ffi::mjVFS>();
         match NonNull::new(ptr) {
-            Some(ptr) => Self { ptr },
+            Some(ptr) => {
+                // SAFETY: fresh and zeroed.
+                unsafe { compat::vfs::init(ptr.as_ptr()) };
+                Self { ptr }
+            }
             None => std::alloc::handle_alloc_error(layout),
         }
     }
@@ -34,27 +39,15 @@ impl Vfs {
         if content.is_empty() {
             return Err(refuse("it is empty"));
         }
-        let size = i32::try_from(content.len()).map_err(|_| refuse("it is larger than 2 GB"))?;
-        // SAFETY: a valid file system and name, and a positive size.
-        let result = guard::call("mj_makeEmptyFileVFS", || unsafe {
-            ffi::mj_makeEmptyFileVFS(self.ptr.as_ptr(), c_name.as_ptr(), size)
-        })?;
-        match result {
-            0 => {}
-            1 => return Err(refuse("there are too many files (the engine takes 1999)")),
-            2 => {
-                return Err(refuse("another file has this name (the engine ignores folders and case)"));
-            }
-            _ => return Err(refuse("the engine could not make it")),
+        i32::try_from(content.len()).map_err(|_| refuse("it is larger than 2 GB"))?;
+        // SAFETY: a valid file system and name, and a size that was looked at.
+        let add = || unsafe { compat::vfs::add(self.ptr.as_ptr(), c_name.as_ptr(), content) };
+        match guard::call("adding a file in memory", add)? {
+            0 => Ok(()),
+            1 => Err(refuse("there are too many files (the engine takes 1999)")),
+            2 => Err(refuse("another file has this name (the engine ignores folders and case)")),
+            _ => Err(refuse("the engine could not make it")),
         }
-        // SAFETY: the engine has just appended an entry with a buffer of `size` bytes.
-        unsafe {
-            let vfs = self.ptr.as_ptr();
-            let last = (*vfs).nfile as usize - 1;
-            let buffer = (*vfs).filedata[last].cast::<u8>();
-            buffer.copy_from_nonoverlapping(content.as_ptr(), content.len());
-        }
-        Ok(())
     }
 }
 

@@ -1,5 +1,6 @@
 //! The engine's warnings: counted, never printed; those that mean wrong results become errors.
 
+use super::compat;
 use super::error::{Buffer, Error};
 use super::ffi;
 use super::guard;
@@ -30,20 +31,6 @@ pub enum WarningKind {
     BadControl,
     /// Anything else that the engine warned of, as text.
     Other,
-}
-
-impl WarningKind {
-    /// In the engine's order (mjtWarning).
-    const COUNTED: [WarningKind; KINDS] = [
-        WarningKind::Inertia,
-        WarningKind::ContactsFull,
-        WarningKind::ConstraintsFull,
-        WarningKind::DrawnShapesFull,
-        WarningKind::BadPosition,
-        WarningKind::BadVelocity,
-        WarningKind::BadAcceleration,
-        WarningKind::BadControl,
-    ];
 }
 
 /// Warnings of one kind since they were last taken.
@@ -82,15 +69,10 @@ impl Simulation {
     /// The engine's warnings since the last time this was called.
     pub fn take_warnings(&mut self) -> Vec<Warning> {
         let taken = std::mem::take(&mut self.warnings);
-        let counted = WarningKind::COUNTED.into_iter().zip(taken.counted).filter(|(_, tally)| tally.count > 0).map(
-            |(kind, tally)| Warning {
-                kind,
-                count: tally.count,
-                info: tally.info,
-                time: tally.time,
-                text: String::new(),
-            },
-        );
+        let counted =
+            compat::COUNTED.into_iter().zip(taken.counted).filter(|(_, tally)| tally.count > 0).map(|(kind, tally)| {
+                Warning { kind, count: tally.count, info: tally.info, time: tally.time, text: String::new() }
+            });
         let other = taken.texts.into_iter().map(|(time, text)| Warning {
             kind: WarningKind::Other,
             count: 1,

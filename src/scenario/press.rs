@@ -4,7 +4,7 @@ use super::control::Entry;
 use super::error::{Error, Field};
 use super::plan::Plan;
 use super::runner::{Mode, Runner};
-use crate::mujoco::{BodyId, Simulation};
+use crate::mujoco::{ActuatorId, BodyId, Simulation};
 
 /// Strengths of closing, from the starting targets (0) to the scenario's own (1).
 const SHARES: usize = 12;
@@ -129,10 +129,11 @@ pub fn finger_actuators(sim: &Simulation, palm: BodyId) -> Vec<usize> {
             false
         })
         .collect();
-    let moment = sim.actuator_moment();
+    let mut row = vec![0.0; nv];
     (0..model.nu())
         .filter(|&a| {
-            let row = &moment[a * nv..(a + 1) * nv];
+            // it exists, and the row has its length
+            let _ = sim.actuator_moment_into(ActuatorId::from_index(a), &mut row);
             let mut moved = (0..nv).filter(|&dof| row[dof] != 0.0).peekable();
             moved.peek().is_some() && moved.all(|dof| below_palm[dof])
         })

@@ -147,8 +147,7 @@ impl Grasp {
         let dynamics = Dynamics {
             dof_parent: model.dof_parentid(),
             dof_body: model.dof_bodyid(),
-            dof_address: model.dof_Madr(),
-            factor: sim.qLD(),
+            factor: sim.mass_factor(),
             inverse_diagonal: sim.qLDiagInv(),
             dof_axis: sim.cdof(),
             composite_inertia: sim.crb(),

@@ -1,0 +1,47 @@
+//! Everything that depends on MuJoCo's version: `v2` for 2.2.2, `v3` for 3.x, with the same items.
+//!
+//! Nothing else in the crate asks for the version. `build.rs` reads it from the headers; of a version that was not tested
+//! it looks for the names that these files use, and lists those that are missing.
+
+use super::error::Error;
+use super::ffi;
+
+#[cfg(not(mujoco3))]
+mod v2;
+#[cfg(mujoco3)]
+mod v3;
+
+#[cfg(not(mujoco3))]
+pub use v2::MassFactor;
+#[cfg(not(mujoco3))]
+pub(super) use v2::*;
+#[cfg(mujoco3)]
+pub use v3::MassFactor;
+#[cfg(mujoco3)]
+pub(super) use v3::*;
+
+/// Numbers per equality constraint in `eq_data` (mjNEQDATA).
+pub(super) const EQ_DATA: usize = ffi::mjNEQDATA as usize;
+
+/// The version that the headers are of, e.g. "2.2.2".
+pub(super) fn header_version() -> String {
+    readable(ffi::mjVERSION_HEADER)
+}
+
+/// Checks that the library loaded at run time is the one that the headers describe: structures differ between versions.
+pub(super) fn check_version() -> Result<(), Error> {
+    // SAFETY: no arguments, returns a constant.
+    let library = unsafe { ffi::mj_version() };
+    if u32::try_from(library) == Ok(ffi::mjVERSION_HEADER) {
+        return Ok(());
+    }
+    Err(Error::Version { header: header_version(), library: readable(u32::try_from(library).unwrap_or(0)) })
+}
+
+/// 222 is 2.2.2; from 3.5 on the number is written 3005000.
+fn readable(version: u32) -> String {
+    match version {
+        0..1000 => format!("{}.{}.{}", version / 100, version / 10 % 10, version % 10),
+        _ => format!("{}.{}.{}", version / 1_000_000, version / 1000 % 1000, version % 1000),
+    }
+}

@@ -1,0 +1,397 @@
+//! MuJoCo 2.2.2.
+
+use crate::mujoco::arrays::{factor, read_arrays, slice};
+use crate::mujoco::compiled::CompiledModel;
+use crate::mujoco::error::Error;
+use crate::mujoco::ffi;
+use crate::mujoco::guard;
+use crate::mujoco::simulation::Simulation;
+use crate::mujoco::warnings::WarningKind;
+use nalgebra::Vector3;
+#[cfg(test)]
+use std::ffi::CStr;
+use std::ffi::{c_char, c_int};
+
+type Handler = unsafe extern "C-unwind" fn(*const c_char);
+
+unsafe extern "C-unwind" {
+    /// Exported by the library, but not declared in the headers of 2.2.2.
+    pub(in crate::mujoco) fn mj_implicit(m: *const ffi::mjModel, d: *mut ffi::mjData);
+
+    // The calling thread's handlers; they take precedence over the process-wide `mju_user_error`.
+    fn _mjPRIVATE__set_tls_error_fn(handler: Option<Handler>);
+    fn _mjPRIVATE__set_tls_warning_fn(handler: Option<Handler>);
+}
+
+/// Constants of later headers.
+pub(in crate::mujoco) mod later {
+    #![allow(non_upper_case_globals)]
+    pub const mjINT_IMPLICITFAST: u32 = 3;
+}
+
+/// Whether the engine has an integrator, of those that the crate knows.
+pub(in crate::mujoco) fn has_integrator(number: i32) -> bool {
+    number != later::mjINT_IMPLICITFAST as i32
+}
+
+// ---------------------------------------------------------------------------------------------------- messages
+
+/// Makes the engine hand its messages to the guard on the current thread, instead of printing, logging and exiting.
+pub(in crate::mujoco) fn install_handlers() {
+    // SAFETY: both calls only store the pointer in a thread-local of the engine.
+    unsafe {
+        _mjPRIVATE__set_tls_error_fn(Some(on_error));
+        _mjPRIVATE__set_tls_warning_fn(Some(on_warning));
+    }
+}
+
+unsafe extern "C-unwind" fn on_error(message: *const c_char) {
+    // SAFETY: the engine passes a NUL-terminated string that lives until we leave.
+    guard::raise(unsafe { guard::text_of(message) }.into_owned());
+}
+
+unsafe extern "C-unwind" fn on_warning(message: *const c_char) {
+    // SAFETY: as above.
+    guard::note(&unsafe { guard::text_of(message) });
+}
+
+/// Raises an engine fault, for tests.
+#[cfg(test)]
+pub(in crate::mujoco) fn raise_fault(text: &CStr) {
+    // SAFETY: a constant string.
+    unsafe { ffi::mju_error(text.as_ptr()) }
+}
+
+/// Raises an engine warning, for tests.
+#[cfg(test)]
+pub(in crate::mujoco) fn raise_warning(text: &CStr) {
+    // SAFETY: a constant string.
+    unsafe { ffi::mju_warning(text.as_ptr()) }
+}
+
+/// The attribute of `<size>` to raise, if the message of a fault means that the engine's stack is full.
+pub(in crate::mujoco) fn full_stack(message: &str) -> Option<&'static str> {
+    (message == "Stack overflow").then_some("nstack")
+}
+
+/// The counted warnings, in the order of mjtWarning.
+pub(in crate::mujoco) const COUNTED: [WarningKind; ffi::mjNWARNING as usize] = [
+    WarningKind::Inertia,
+    WarningKind::ContactsFull,
+    WarningKind::ConstraintsFull,
+    WarningKind::DrawnShapesFull,
+    WarningKind::BadPosition,
+    WarningKind::BadVelocity,
+    WarningKind::BadAcceleration,
+    WarningKind::BadControl,
+];
+
+/// What to raise in `<size>` when the contact list or the constraint rows are full.
+pub(in crate::mujoco) const SIZE_OF_CONTACTS: &str = "nconmax";
+pub(in crate::mujoco) const SIZE_OF_CONSTRAINTS: &str = "njmax";
+
+// ---------------------------------------------------------------------------------------------------- model
+
+/// Checks and adapts a model that was just loaded.
+///
+/// # Safety
+/// `m` is valid and nobody else's.
+pub(in crate::mujoco) unsafe fn adopt(_m: *mut ffi::mjModel) -> Result<(), String> {
+    Ok(())
+}
+
+/// Files in memory for the loader.
+pub(in crate::mujoco) mod vfs {
+    use super::*;
+
+    /// # Safety
+    /// `vfs` is the engine's, zeroed.
+    pub(in crate::mujoco) unsafe fn init(_vfs: *mut ffi::mjVFS) {
+        // All-zero is the engine's empty file system (mj_defaultVFS is a memset).
+    }
+
+    /// Adds a copy of a file; 0 on success, 1 if there is no more room, 2 if the name is in use.
+    ///
+    /// # Safety
+    /// The file system is valid, the name NUL-terminated, and the content not empty and smaller than 2 GB.
+    pub(in crate::mujoco) unsafe fn add(vfs: *mut ffi::mjVFS, name: *const c_char, content: &[u8]) -> c_int {
+        // SAFETY: as the caller promises; after success the engine has just appended an entry with a buffer of this size.
+        unsafe {
+            let result = ffi::mj_makeEmptyFileVFS(vfs, name, content.len() as c_int);
+            if result == 0 {
+                let last = (*vfs).nfile as usize - 1;
+                let buffer = (*vfs).filedata[last].cast::<u8>();
+                buffer.copy_from_nonoverlapping(content.as_ptr(), content.len());
+            }
+            result
+        }
+    }
+}
+
+/// Where the switch of each equality constraint is: in the model.
+pub(in crate::mujoco) fn eq_active(m: *mut ffi::mjModel, _d: *mut ffi::mjData) -> *mut u8 {
+    // SAFETY: the caller's model is alive for as long as the simulation that owns it.
+    unsafe { (*m).eq_active }
+}
+
+/// The body that an object of an equality constraint is or lies on, of a connect or weld: the object is a body.
+///
+/// # Safety
+/// `equality` is one of the model's, and `object` one of its two objects.
+pub(in crate::mujoco) unsafe fn equality_body(_m: &ffi::mjModel, _equality: usize, object: i32) -> i32 {
+    object
+}
+
+// ---------------------------------------------------------------------------------------------------- stages
+
+/// Begins a position stage that is run in parts: kinematics.
+///
+/// # Safety
+/// Model and data are valid and belong together.
+pub(in crate::mujoco) unsafe fn kinematics(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        ffi::mj_kinematics(m, d);
+        ffi::mj_comPos(m, d);
+        ffi::mj_camlight(m, d);
+        ffi::mj_tendon(m, d);
+    }
+}
+
+/// The inertia matrix and its factor.
+///
+/// # Safety
+/// As for [`kinematics`].
+pub(in crate::mujoco) unsafe fn inertia(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        ffi::mj_crb(m, d);
+        ffi::mj_factorM(m, d);
+    }
+}
+
+/// Sensors that depend on accelerations.
+///
+/// # Safety
+/// As for [`kinematics`].
+pub(in crate::mujoco) unsafe fn sensor_acc(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises.
+    unsafe { ffi::mj_sensorAcc(m, d) }
+}
+
+/// Empties the engine's stack after a fault has skipped the code that does.
+pub(in crate::mujoco) fn empty_stack(d: &mut ffi::mjData) {
+    d.pstack = 0;
+}
+
+/// Drops the constraint rows.
+pub(in crate::mujoco) fn forget_rows(d: &mut ffi::mjData) {
+    (d.ne, d.nf, d.nefc) = (0, 0, 0);
+}
+
+/// To be called before the solver: here nothing is missing.
+///
+/// # Safety
+/// None to keep.
+pub(in crate::mujoco) unsafe fn before_solver(_m: *mut ffi::mjModel, _d: *mut ffi::mjData) {}
+
+/// Iterations of the solver in the last solve.
+pub(in crate::mujoco) fn solver_iter(d: &ffi::mjData) -> i32 {
+    d.solver_iter
+}
+
+// ---------------------------------------------------------------------------------------------------- inertia
+
+/// The inertia matrix, dense.
+///
+/// # Safety
+/// `m` and `d` belong together; `dst` has room for `nv * nv` numbers.
+pub(in crate::mujoco) unsafe fn full_mass_matrix(m: *const ffi::mjModel, d: *const ffi::mjData, dst: *mut f64) {
+    // SAFETY: as the caller promises.
+    unsafe { ffi::mj_fullM(m, dst, (*d).qM) }
+}
+
+/// The factor `L` of the inertia matrix `M = L^T D L`, of which only the entries of a degree of freedom's ancestors
+/// are stored: here they follow the diagonal, the nearest first.
+#[derive(Debug, Clone, Copy)]
+pub struct MassFactor<'a> {
+    values: &'a [f64],
+    diagonal: &'a [i32],
+}
+
+impl<'a> MassFactor<'a> {
+    pub(in crate::mujoco) fn of(sim: &'a Simulation) -> Self {
+        Self { values: sim.qLD(), diagonal: sim.model().dof_Madr() }
+    }
+
+    /// `L` entries of a degree of freedom for its ancestors, the nearest first; what comes after the last ancestor has no
+    /// meaning, and missing ones are zero.
+    #[inline]
+    pub fn ancestors(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
+        self.values[self.diagonal[dof] as usize + 1..].iter().copied()
+    }
+}
+
+/// Row of an actuator in the Jacobian of the actuators' lengths, dense.
+///
+/// # Safety
+/// `m` and `d` are valid and belong together, the actuator exists, and `out` has nv numbers.
+pub(in crate::mujoco) unsafe fn actuator_moment(
+    m: *const ffi::mjModel,
+    d: *const ffi::mjData,
+    actuator: usize,
+    out: &mut [f64],
+) {
+    // SAFETY: nu rows of nv numbers.
+    out.copy_from_slice(unsafe { slice((*d).actuator_moment.add(actuator * (*m).nv as usize), out.len()) });
+}
+
+// ---------------------------------------------------------------------------------------------------- contacts and rows
+
+/// mjContact.exclude: 0 included, 1 in gap, 2 fused, 3 equality, 4 no degrees of freedom. A contact is made into rows
+/// only at 0.
+pub(in crate::mujoco) const EXCLUDED_BY_US: i32 = 3;
+
+/// Contacts that fit in the list.
+pub(in crate::mujoco) fn contact_capacity(m: &ffi::mjModel) -> usize {
+    m.nconmax as usize
+}
+
+/// Constraint rows that fit.
+pub(in crate::mujoco) fn row_capacity(m: &ffi::mjModel) -> usize {
+    m.njmax as usize
+}
+
+/// Adds a contact to the list; false if it is full.
+///
+/// # Safety
+/// `m` and `d` are valid and belong together, and all but the solver's own fields of the contact are set.
+pub(in crate::mujoco) unsafe fn append_contact(
+    m: *const ffi::mjModel,
+    d: *mut ffi::mjData,
+    contact: &ffi::mjContact,
+) -> bool {
+    // SAFETY: the list holds `nconmax` contacts.
+    unsafe {
+        let index = (*d).ncon as usize;
+        if index >= contact_capacity(&*m) {
+            return false;
+        }
+        (*d).contact.add(index).write(*contact);
+        (*d).ncon += 1;
+    }
+    true
+}
+
+/// Sets what is particular to this version in a contact of two geoms, whose other fields are set.
+pub(in crate::mujoco) fn complete_contact(_contact: &mut ffi::mjContact) {}
+
+/// Numbers that `efc_force` has room for; those behind the constraint rows are free.
+pub(in crate::mujoco) fn force_capacity(m: &ffi::mjModel, _d: &ffi::mjData) -> usize {
+    row_capacity(m)
+}
+
+/// Makes room in `efc_force` for forces of all contacts behind the rows, if that can be had.
+pub(in crate::mujoco) fn extend_forces(_d: &mut ffi::mjData) {}
+
+/// Copies what mj_copyData leaves out: nothing here.
+pub(in crate::mujoco) fn complete_copy(_m: &ffi::mjModel, _from: &ffi::mjData, _to: &mut ffi::mjData) {}
+
+/// Approximate diagonal of A.
+pub(in crate::mujoco) fn efc_diagonal(d: &ffi::mjData) -> *mut f64 {
+    d.efc_diagApprox
+}
+
+/// Writes a value of a sparse Jacobian to what the engine keeps besides `efc_J`: its transpose.
+///
+/// # Safety
+/// The data has sparse rows, and this one an entry for the column.
+pub(in crate::mujoco) unsafe fn mirror_sparse(d: &mut ffi::mjData, row: usize, column: usize, value: f64) {
+    // SAFETY: addresses and counts are the engine's own; the transpose has an entry for every entry of a row.
+    unsafe {
+        let (first, rows) = (*d.efc_JT_rowadr.add(column) as usize, *d.efc_JT_rownnz.add(column) as usize);
+        for k in first..first + rows {
+            if *d.efc_JT_colind.add(k) as usize == row {
+                *d.efc_JT.add(k) = value;
+            }
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------- collision
+
+/// Whether [`narrow_phase`] gives the engine's functions, and the pairs that this crate tests are the engine's.
+pub(in crate::mujoco) const NARROW_PHASE: bool = true;
+
+/// One contact as the engine's narrow phase gives it.
+pub(in crate::mujoco) type Raw = ffi::mjContact;
+
+/// The engine's narrow phase: `[type of geom 1][type of geom 2]`, with the smaller type first.
+pub(in crate::mujoco) fn narrow_phase(kinds: [i32; 2]) -> ffi::mjfCollision {
+    const KINDS: usize = ffi::mjNGEOMTYPES as usize;
+    // SAFETY: a table of pointers that the library defines and nothing in this process writes.
+    unsafe extern "C" {
+        safe static mjCOLLISIONFUNC: [[ffi::mjfCollision; KINDS]; KINDS];
+    }
+    let [first, second] = kinds.map(|kind| usize::try_from(kind).unwrap_or(KINDS));
+    *mjCOLLISIONFUNC.get(first)?.get(second)?
+}
+
+/// Which pairs are tested: those of `<pair>`, and those that contype and conaffinity allow.
+pub(in crate::mujoco) fn collision_kinds(m: &ffi::mjModel) -> (bool, bool) {
+    match m.opt.collision as u32 {
+        ffi::mjCOL_PAIR => (true, false),
+        ffi::mjCOL_ALL => (true, true),
+        _ => (false, true),
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------- pictures
+
+/// Makes a geom of the scene an arrow, line or the like from one point to another.
+///
+/// # Safety
+/// The geom is initialised.
+pub(in crate::mujoco) unsafe fn connect(
+    geom: *mut ffi::mjvGeom,
+    kind: i32,
+    width: f64,
+    from: Vector3<f64>,
+    to: Vector3<f64>,
+) {
+    // SAFETY: as the caller promises.
+    unsafe { ffi::mjv_makeConnector(geom, kind, width, from.x, from.y, from.z, to.x, to.y, to.z) }
+}
+
+// ---------------------------------------------------------------------------------------------------- arrays
+
+#[allow(non_snake_case)] // The engine's names are the field's.
+impl Simulation {
+    read_arrays! { data, sizes;
+        ten_J_rownnz: i32 [ntendon], "Number of non-zeros in Jacobian row";
+        ten_J_rowadr: i32 [ntendon], "Row start address in colind array";
+        ten_J_colind: i32 [ntendon x nv], "Column indices in sparse Jacobian";
+        ten_J: f64 [ntendon x nv], "Tendon Jacobian";
+        actuator_moment: f64 [nu x nv], "Actuator moments";
+        qM: f64 [nM], "Total inertia (sparse)";
+        qLD: f64 [nM], "L'*D*L factorization of M (sparse)";
+        qLDiagSqrtInv: f64 [nv], "1/sqrt(diag(D))";
+        qH: f64 [nM], "L'*D*L factorization of modified M";
+        D_rownnz: i32 [nv], "Non-zeros in each row";
+        D_rowadr: i32 [nv], "Address of each row in D_colind";
+        D_colind: i32 [nD], "Column indices of non-zeros";
+    }
+}
+
+impl CompiledModel {
+    /// Springs' resting lengths: one number per tendon.
+    pub fn tendon_lengthspring(&self) -> &[f64] {
+        // SAFETY: the engine's own shape; lives as long as `self`, and whatever writes it takes `&mut`.
+        unsafe { slice((*self.as_ptr()).tendon_lengthspring, self.ntendon()) }
+    }
+}
+
+/// What cannot run in stages, if the model has it.
+pub(in crate::mujoco) fn check_stages(_m: &ffi::mjModel) -> Result<(), Error> {
+    Ok(())
+}

@@ -1,0 +1,223 @@
+//! MuJoCo 3: 3.17.0, and older ones as far as the identifiers of their headers tell what they have.
+//!
+//! What is different for this crate, besides names:
+//! - Islands and sleeping are switched off in every model: they reorder rows and leave out stages.
+//! - Models with flexes, with actuators of several controls or forces, and with delays or stateful plugins are refused.
+//! - Contacts and rows live in the arena, without sizes of their own.
+//! - The engine's collision stage always runs: its narrow phase cannot be called alone as in 2.2.2.
+//!
+//! The flags `mj_*` say what a version has; `build.rs` sets them from the names that the headers declare.
+
+mod contacts;
+mod inertia;
+mod messages;
+
+pub(in crate::mujoco) use contacts::*;
+pub use inertia::MassFactor;
+pub(in crate::mujoco) use inertia::{actuator_moment, full_mass_matrix};
+pub(in crate::mujoco) use messages::*;
+
+use crate::mujoco::error::Error;
+use crate::mujoco::ffi;
+use nalgebra::Vector3;
+use std::ffi::{c_char, c_int};
+
+pub(in crate::mujoco) use ffi::mj_implicit;
+
+/// Constants of later headers.
+pub(in crate::mujoco) mod later {}
+
+/// The flag that lets parts of the model sleep; 0 where nothing sleeps.
+#[cfg(mj_sleep)]
+const SLEEP: u32 = ffi::mjENBL_SLEEP;
+#[cfg(not(mj_sleep))]
+const SLEEP: u32 = 0;
+
+/// Whether the engine has an integrator, of those that the crate knows.
+pub(in crate::mujoco) fn has_integrator(_number: i32) -> bool {
+    true
+}
+
+// ---------------------------------------------------------------------------------------------------- model
+
+/// Checks and adapts a model that was just loaded.
+///
+/// # Safety
+/// `m` is valid and nobody else's.
+pub(in crate::mujoco) unsafe fn adopt(m: *mut ffi::mjModel) -> Result<(), String> {
+    // SAFETY: as the caller promises.
+    let m = unsafe { &mut *m };
+    let refused = [
+        (m.nflex > 0, "flexible bodies (flex)"),
+        #[cfg(mj_actuator_outputs)]
+        (m.nactuator != m.nu || m.nout != m.nu, "actuators with several controls or forces"),
+        #[cfg(mj_delays)]
+        (m.nhistory > 0, "delays of actuators or sensors"),
+        (m.npluginstate > 0, "plugins with a state"),
+    ];
+    if let Some((_, what)) = refused.iter().find(|(has, _)| *has) {
+        return Err(format!("it has {what}, with which mujoco-grasp does not work"));
+    }
+    m.opt.disableflags |= ffi::mjDSBL_ISLAND as i32;
+    m.opt.enableflags &= !(SLEEP as i32);
+    Ok(())
+}
+
+/// Files in memory for the loader.
+pub(in crate::mujoco) mod vfs {
+    use super::*;
+
+    /// # Safety
+    /// `vfs` is the engine's, zeroed.
+    pub(in crate::mujoco) unsafe fn init(vfs: *mut ffi::mjVFS) {
+        // SAFETY: as the caller promises.
+        unsafe { ffi::mj_defaultVFS(vfs) }
+    }
+
+    /// Adds a copy of a file; 0 on success, 1 if there is no more room, 2 if the name is in use.
+    ///
+    /// # Safety
+    /// The file system is valid, the name NUL-terminated, and the content not empty and smaller than 2 GB.
+    pub(in crate::mujoco) unsafe fn add(vfs: *mut ffi::mjVFS, name: *const c_char, content: &[u8]) -> c_int {
+        // SAFETY: as the caller promises.
+        unsafe { ffi::mj_addBufferVFS(vfs, name, content.as_ptr().cast(), content.len() as c_int) }
+    }
+}
+
+/// Where the switch of each equality constraint is: in the data.
+pub(in crate::mujoco) fn eq_active(_m: *mut ffi::mjModel, d: *mut ffi::mjData) -> *mut u8 {
+    // SAFETY: the caller's data is alive for as long as the simulation that owns it.
+    unsafe { (*d).eq_active.cast() }
+}
+
+/// The body that an object of an equality constraint is or lies on, of a connect or weld: the object may be a site.
+///
+/// # Safety
+/// `equality` is one of the model's, and `object` one of its two objects.
+pub(in crate::mujoco) unsafe fn equality_body(m: &ffi::mjModel, equality: usize, object: i32) -> i32 {
+    // SAFETY: as the caller promises; a site's number is below nsite, the length of its array.
+    unsafe {
+        match *m.eq_objtype.add(equality) == ffi::mjOBJ_SITE as i32 {
+            true => *m.site_bodyid.add(object.max(0) as usize),
+            false => object,
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------- stages
+
+/// Begins a position stage that is run in parts: kinematics.
+///
+/// # Safety
+/// Model and data are valid and belong together.
+pub(in crate::mujoco) unsafe fn kinematics(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        #[cfg(mj_lazy_flags)]
+        {
+            (*d).flg_energypos = false;
+        }
+        ffi::mj_kinematics(m, d);
+        ffi::mj_comPos(m, d);
+        ffi::mj_camlight(m, d);
+        ffi::mj_flex(m, d);
+        ffi::mj_tendon(m, d);
+    }
+}
+
+/// The inertia matrix and its factor.
+///
+/// # Safety
+/// As for [`kinematics`].
+pub(in crate::mujoco) unsafe fn inertia(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        ffi::mj_makeM(m, d);
+        ffi::mj_factorM(m, d);
+    }
+}
+
+/// Sensors that depend on accelerations.
+///
+/// # Safety
+/// As for [`kinematics`].
+pub(in crate::mujoco) unsafe fn sensor_acc(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        #[cfg(mj_lazy_flags)]
+        {
+            (*d).flg_rnepost = false;
+        }
+        ffi::mj_sensorAcc(m, d);
+    }
+}
+
+/// Empties the engine's stack after a fault has skipped the code that does.
+pub(in crate::mujoco) fn empty_stack(d: &mut ffi::mjData) {
+    (d.pstack, d.pbase) = (0, 0);
+}
+
+/// To be called before the solver: the dual solvers read a matrix that exists only once it was made for these rows.
+///
+/// # Safety
+/// As for [`kinematics`].
+pub(in crate::mujoco) unsafe fn before_solver(m: *mut ffi::mjModel, d: *mut ffi::mjData) {
+    // SAFETY: as the caller promises; for the primal solvers the function does nothing.
+    unsafe {
+        if (*d).nefc > 0 && (*d).efc_AR.is_null() {
+            ffi::mj_projectConstraint(m, d);
+        }
+    }
+}
+
+/// Iterations of the solver in the last solve.
+pub(in crate::mujoco) fn solver_iter(d: &ffi::mjData) -> i32 {
+    d.solver_niter[0]
+}
+
+/// What cannot run in stages, if the model has it.
+pub(in crate::mujoco) fn check_stages(m: &ffi::mjModel) -> Result<(), Error> {
+    if m.opt.disableflags & ffi::mjDSBL_ISLAND as i32 == 0 || m.opt.enableflags & SLEEP as i32 != 0 {
+        return Err(Error::Unsupported("a step in stages needs islands and sleeping switched off".into()));
+    }
+    Ok(())
+}
+
+// ---------------------------------------------------------------------------------------------------- collision
+
+/// Whether [`narrow_phase`] gives the engine's functions, and the pairs that this crate tests are the engine's.
+pub(in crate::mujoco) const NARROW_PHASE: bool = false;
+
+/// One contact as the engine's narrow phase gives it.
+pub(in crate::mujoco) type Raw = ffi::mjContact;
+
+type NarrowPhase =
+    unsafe extern "C-unwind" fn(*const ffi::mjModel, *mut ffi::mjData, *mut Raw, c_int, c_int, f64) -> c_int;
+
+/// The engine's narrow phase is not used alone: broad phase, filters, margins and what follows the functions are others
+/// than in 2.2.2.
+pub(in crate::mujoco) fn narrow_phase(_kinds: [i32; 2]) -> Option<NarrowPhase> {
+    None
+}
+
+/// Which pairs are tested: those of `<pair>`, and those that contype and conaffinity allow.
+pub(in crate::mujoco) fn collision_kinds(_m: &ffi::mjModel) -> (bool, bool) {
+    (true, true)
+}
+
+// ---------------------------------------------------------------------------------------------------- pictures
+
+/// Makes a geom of the scene an arrow, line or the like from one point to another.
+///
+/// # Safety
+/// The geom is initialised.
+pub(in crate::mujoco) unsafe fn connect(
+    geom: *mut ffi::mjvGeom,
+    kind: i32,
+    width: f64,
+    from: Vector3<f64>,
+    to: Vector3<f64>,
+) {
+    // SAFETY: as the caller promises; two points of three numbers.
+    unsafe { ffi::mjv_connector(geom, kind, width, from.as_ptr(), to.as_ptr()) }
+}
