@@ -177,3 +177,27 @@ fn changed_options_and_new_collisions_drop_the_old_rows() {
     sim.constraint().unwrap();
     assert_eq!(sim.qacc(), sim.qacc_smooth());
 }
+
+/// MuJoCo 3 also joins sites; their numbers are not those of their bodies.
+#[test]
+fn the_bodies_of_an_equality_are_those_of_its_sites_too() {
+    let joined = |equality: &str| {
+        let model = Model::from_xml_string(&format!(
+            "<mujoco><worldbody><site name='s0'/><site name='s1'/>
+             <body name='a'><freejoint/><geom size='.1'/><site name='s2'/></body>
+             <body name='b' pos='1 0 0'><joint type='ball'/><geom size='.1'/><site name='s3'/><site name='s4'/></body>
+             </worldbody><equality>{equality}</equality></mujoco>"
+        ))
+        .unwrap();
+        let id = model.equalities().last().unwrap();
+        model.equality_bodies(id).map(|bodies| bodies.map(|body| body.index()))
+    };
+    assert_eq!(joined("<weld body1='b' body2='a'/>"), Some([2, 1]));
+    assert_eq!(joined("<connect body1='a' anchor='0 0 0'/>"), Some([1, 0]));
+    #[cfg(mujoco3)]
+    {
+        assert_eq!(joined("<weld site1='s4' site2='s2'/>"), Some([2, 1]));
+        assert_eq!(joined("<connect site1='s2' site2='s1'/>"), Some([1, 0]));
+        assert_eq!(joined("<weld body1='a' body2='b'/><weld site1='s0' site2='s3'/>"), Some([0, 2]));
+    }
+}
