@@ -77,7 +77,11 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
         weld::make_constraint(sim, grasps)
     })?;
     sim.transmission()?;
-    clock.contact(|| sim.project_constraint())?;
+    // what only the engine's dual solvers need waits until it is known that one has to run
+    let may_be_complete = may_be_complete(grasps);
+    if !may_be_complete {
+        clock.contact(|| sim.project_constraint())?;
+    }
     sim.sensor_pos()?;
     let energy = sim.model().enable_flags() & ENABLE_ENERGY != 0;
     if energy {
@@ -90,7 +94,7 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
     }
     sim.actuation()?;
     sim.acceleration()?;
-    clock.contact(|| solve(sim, grasps))?;
+    clock.contact(|| solve(sim, grasps, may_be_complete))?;
     sim.sensor_acc()?;
     sim.check_acc()?;
     clock.contact(|| -> Result<(), Error> {
@@ -104,6 +108,11 @@ fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -
     })?;
     sim.integrate()?;
     Ok(())
+}
+
+/// Whether the grasps may leave the engine's solver nothing to do.
+fn may_be_complete(grasps: &[Grasp]) -> bool {
+    grasps.iter().any(Grasp::is_cones) && !grasps.iter().any(Grasp::is_merged)
 }
 
 /// Collision detection; the contacts of latched grasps do not go on to the engine's solve.
@@ -123,8 +132,8 @@ fn detect(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
 }
 
 /// The grasp forces join the smooth forces for the engine's solve and are counted as constraint forces after it, as the
-/// contacts that they stand for would be.
-fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+/// contacts that they stand for would be. `unprojected`: the engine's rows have not been projected yet.
+fn solve(sim: &mut Simulation, grasps: &mut [Grasp], unprojected: bool) -> Result<(), Error> {
     let Some(first) = grasps.iter().position(|g| g.phase() == Phase::Grasped) else {
         return Ok(sim.constraint()?);
     };
@@ -138,6 +147,9 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
     }
     let solved_rows = solve_cones(sim, grasps, &mut force)?;
     if merged || solved_rows < sim.nefc() {
+        if unprojected {
+            sim.project_constraint()?;
+        }
         force.apply(sim)?;
         sim.constraint()?;
         force.count_as_constraint(sim);

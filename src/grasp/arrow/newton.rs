@@ -6,7 +6,7 @@ use super::super::cone::MAX_ROWS;
 use super::super::dense;
 use super::{Arrow, Branch, ROOT, RootVector, Status};
 use nalgebra::{SMatrix, SVector};
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Gradient norm, relative to the largest term in it, below which a point counts as the minimum.
 const TOLERANCE: f64 = 1e-6;
@@ -24,6 +24,22 @@ struct Newton {
     gradient: RootVector,
     step: RootVector,
     hessian: [RootVector; ROOT],
+}
+
+/// A Newton step to be compiled for each kind of processor. (A closure would not do: the compiler may call it instead of
+/// inlining it, and then it is compiled for the least of them.)
+struct NewtonStep<'a> {
+    arrow: &'a mut Arrow,
+    newton: &'a mut Newton,
+}
+
+impl WithSimd for NewtonStep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.arrow.newton_step_inline(self.newton);
+    }
 }
 
 impl Arrow {
@@ -153,10 +169,7 @@ impl Arrow {
     /// Solves for the step of root and branches: `H step = -gradient`, with the widest vectors that the processor has.
     /// No operation is contracted or reordered for it: the result is the same on every processor.
     fn newton_step(&mut self, newton: &mut Newton) {
-        Arch::new().dispatch(
-            #[inline(always)]
-            || self.newton_step_inline(newton),
-        );
+        Arch::new().dispatch(NewtonStep { arrow: self, newton });
     }
 
     #[inline(always)]
