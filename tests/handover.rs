@@ -17,7 +17,9 @@ fn runs(pair: &Pair) -> (&Run, &Run) {
 #[test]
 fn the_baton_goes_from_hand_to_hand_alike_in_both_modes() {
     let plan = Plan::load("handover").expect("a built-in scenario");
-    let pairs = run_all(&plan, &BOTH, &[None], Options::default(), &Observer::NOBODY).expect("runs");
+    // after the scene's 200 iterations full mode of 3.17.0 is not converged: 9.4 um and 1.5 % apart, 3 um and 0.5 % after 1000
+    let converged = Options { noslip: Some(1000) };
+    let pairs = run_all(&plan, &BOTH, &[None], converged, &Observer::NOBODY).expect("runs");
     let (full, grasp) = runs(&pairs[0]);
     assert!(full.error.is_none() && grasp.error.is_none());
 
