@@ -73,10 +73,10 @@ fn two_hands_hold_the_baton_alike_in_both_modes() {
 
 /// The weld's rows give way while friction is solved without softness: held fixed, they let the baton drift by 4 mm.
 ///
-/// The right hand knocks against the baton as it comes, at 3.424 s. In full mode and with cones the left hand's contacts shift
-/// by 0.3 mm and two of six open; with bounds by 0.5 mm, also without any cones, and then one contact with a quality of 0.10
-/// is left with MuJoCo 2.2.2, but a quality of 0 with 3.17.0, which gives the grasp up for 50 ms. So what counts for bounds is
-/// that both hands are latched whenever both hold.
+/// The right hand knocks against the baton as it comes, at 3.424 s. In full mode and with cones the baton shifts by 0.3 mm in the
+/// left hand and two of six contacts open; with bounds, also where no hand has cones, by 0.5 mm, and then a quality of 0.10 is left
+/// with MuJoCo 2.2.2 and of 0 with 3.17.0, where the grasp is given up for 50 ms. So what counts for bounds is that both
+/// hands are latched whenever both hold.
 #[test]
 fn a_hand_with_cones_and_a_hand_with_a_weld_hold_the_baton_together() {
     for (limits, cones) in [(Limits::Box, 0), (Limits::Box, 1), (Limits::Rigid, 0), (Limits::Rigid, 1)] {
