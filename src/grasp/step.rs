@@ -141,7 +141,7 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp], unprojected: bool) -> Resul
     let merged = grasps.iter().any(|g| g.is_merged());
     if merged {
         for grasp in grasps.iter_mut().filter(|g| g.is_merged()) {
-            grasp.load_merged(sim, force.generalised_mut())?;
+            grasp.load_merged(sim, &mut force.generalised)?;
         }
         force.apply(sim)?;
     }
@@ -159,7 +159,7 @@ fn solve(sim: &mut Simulation, grasps: &mut [Grasp], unprojected: bool) -> Resul
         for grasp in grasps.iter() {
             grasp.write_row_forces(sim);
         }
-        sim.impose_constraint_forces(force.generalised())?;
+        sim.impose_constraint_forces(&force.generalised)?;
     }
     for grasp in grasps.iter_mut().filter(|g| g.is_merged()) {
         grasp.read_merged(sim);
@@ -181,7 +181,7 @@ fn solve_cones(sim: &Simulation, grasps: &mut [Grasp], force: &mut GraspForce) -
     for i in 0..grasps.len() {
         let Some((leader, others)) = grasps[i..].split_first_mut() else { break };
         if leader.awaits_solve() || alone && leader.is_cones() {
-            leader.solve_cones(sim, others, &welds, force.generalised_mut())?;
+            leader.solve_cones(sim, others, &welds, &mut force.generalised)?;
             rows += leader.solved_rows();
         } else {
             leader.leave_neighbours();
@@ -207,14 +207,6 @@ impl GraspForce {
         self.generalised.resize(nv, 0.0);
         self.smooth_force.clear();
         self
-    }
-
-    fn generalised(&self) -> &[f64] {
-        &self.generalised
-    }
-
-    fn generalised_mut(&mut self) -> &mut [f64] {
-        &mut self.generalised
     }
 
     /// Adds all that is known so far to the engine's smooth forces, in the place of what was there of it before.

@@ -105,10 +105,7 @@ impl Checkpoint {
         }
         let mut summary = summarize(&trajectory, self.measure_from, Some(push.end));
         if error.is_some() {
-            // How it would have ended is not known.
-            summary.outcome = None;
-            summary.final_offset_m = None;
-            summary.creep_m_per_s = None;
+            summary.forget_the_end();
         }
         Pushed { trajectory, summary, error }
     }

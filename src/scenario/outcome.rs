@@ -57,6 +57,15 @@ pub struct Summary {
     pub step_us_median: Option<f64>,
 }
 
+impl Summary {
+    /// Of a run that failed on its way: how it would have ended is not known.
+    pub(super) fn forget_the_end(&mut self) {
+        self.outcome = None;
+        self.final_offset_m = None;
+        self.creep_m_per_s = None;
+    }
+}
+
 /// Motion of the target since `measure_from`, in the palm's axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {

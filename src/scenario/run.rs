@@ -51,28 +51,38 @@ impl Observer<'_> {
     pub const NOBODY: Observer<'static> = Observer { steps: &|_| (), finished: &|_| Ok(()) };
 }
 
-/// One run: what was recorded until its end, or until it failed.
-#[derive(Debug)]
+/// One run: what was recorded until its end, or until it failed. Serialises as its summary, with those of the other grasps.
+#[derive(Debug, Serialize)]
 pub struct Run {
     /// The mode.
+    #[serde(skip)]
     pub mode: Mode,
     /// The push, by name, or "none".
+    #[serde(skip)]
     pub push: String,
     /// Every step.
+    #[serde(skip)]
     pub trajectory: Trajectory,
     /// In numbers.
+    #[serde(flatten)]
     pub summary: Summary,
     /// The other grasps of the scenario, if it has any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<OtherGrasp>,
     /// (time \[s\], qpos) at [`POSES_PER_SECOND`], for pictures.
+    #[serde(skip)]
     pub poses: Vec<(f64, Vec<f64>)>,
     /// Why it ended early.
+    #[serde(skip)]
     pub error: Option<Error>,
     /// What the engine warned of.
+    #[serde(skip)]
     pub warnings: Vec<String>,
     /// Highest quality of the run \[N\], for those that never latch.
+    #[serde(skip)]
     pub best_quality: f64,
     /// The quality that it takes to latch \[N\].
+    #[serde(skip)]
     pub latch_quality: f64,
 }
 
@@ -97,21 +107,26 @@ impl Run {
 }
 
 /// A grasp besides the one that a run is about.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 pub struct OtherGrasp {
     /// Its place in the scenario file, from 0.
+    #[serde(rename = "grasp")]
     pub index: usize,
     /// Name of its target.
     pub target: String,
     /// Name of its palm.
     pub palm: String,
     /// Every step.
+    #[serde(skip)]
     pub trajectory: Trajectory,
     /// In numbers.
+    #[serde(flatten)]
     pub summary: Summary,
     /// Highest quality of the run \[N\].
+    #[serde(skip)]
     pub best_quality: f64,
     /// The quality that it takes to latch \[N\].
+    #[serde(skip)]
     pub latch_quality: f64,
 }
 
@@ -121,40 +136,11 @@ pub struct Pair {
     /// The push, by name, or "none".
     pub push: String,
     /// MuJoCo's own contact solve.
-    #[serde(serialize_with = "as_summary")]
     pub full: Option<Run>,
     /// The grasp controller.
-    #[serde(serialize_with = "as_summary")]
     pub grasp: Option<Run>,
     /// Both, compared.
     pub compare: Option<Comparison>,
-}
-
-/// A summary, with those of other grasps in it.
-#[derive(Serialize)]
-struct RunSummary<'a> {
-    #[serde(flatten)]
-    summary: &'a Summary,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    others: Vec<OtherSummary<'a>>,
-}
-
-#[derive(Serialize)]
-struct OtherSummary<'a> {
-    grasp: usize,
-    target: &'a str,
-    palm: &'a str,
-    #[serde(flatten)]
-    summary: &'a Summary,
-}
-
-fn as_summary<S: serde::Serializer>(run: &Option<Run>, serializer: S) -> Result<S::Ok, S::Error> {
-    fn other(of: &OtherGrasp) -> OtherSummary<'_> {
-        OtherSummary { grasp: of.index, target: &of.target, palm: &of.palm, summary: &of.summary }
-    }
-    run.as_ref()
-        .map(|run| RunSummary { summary: &run.summary, others: run.others.iter().map(other).collect() })
-        .serialize(serializer)
 }
 
 /// Compares the runs' grasps one by one.
@@ -244,10 +230,7 @@ pub fn run(
         .map(|(index, (trajectory, grasp))| {
             let mut summary = summarize(&trajectory, plan.timeline.measure_from(), pushed_until);
             if error.is_some() {
-                // How it would have ended is not known.
-                summary.outcome = None;
-                summary.final_offset_m = None;
-                summary.creep_m_per_s = None;
+                summary.forget_the_end();
             }
             let model = runner.sim().model();
             let name = |body: BodyId| model.body_name(body).map_or_else(|| model.label(body), str::to_owned);

@@ -5,6 +5,8 @@
 
 use super::error::Error;
 use super::ffi;
+#[cfg(test)]
+use std::ffi::CStr;
 
 #[cfg(not(mujoco3))]
 mod v2;
@@ -44,4 +46,18 @@ fn readable(version: u32) -> String {
         0..1000 => format!("{}.{}.{}", version / 100, version / 10 % 10, version % 10),
         _ => format!("{}.{}.{}", version / 1_000_000, version / 1000 % 1000, version % 1000),
     }
+}
+
+/// Raises an engine fault, for tests.
+#[cfg(test)]
+pub(in crate::mujoco) fn raise_fault(text: &CStr) {
+    // SAFETY: a constant string without conversions.
+    unsafe { ffi::mju_error(text.as_ptr()) }
+}
+
+/// Raises an engine warning, for tests.
+#[cfg(test)]
+pub(in crate::mujoco) fn raise_warning(text: &CStr) {
+    // SAFETY: a constant string without conversions.
+    unsafe { ffi::mju_warning(text.as_ptr()) }
 }

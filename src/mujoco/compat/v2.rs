@@ -8,8 +8,6 @@ use crate::mujoco::guard;
 use crate::mujoco::simulation::Simulation;
 use crate::mujoco::warnings::WarningKind;
 use nalgebra::Vector3;
-#[cfg(test)]
-use std::ffi::CStr;
 use std::ffi::{c_char, c_int};
 
 type Handler = unsafe extern "C-unwind" fn(*const c_char);
@@ -53,20 +51,6 @@ unsafe extern "C-unwind" fn on_error(message: *const c_char) {
 unsafe extern "C-unwind" fn on_warning(message: *const c_char) {
     // SAFETY: as above.
     guard::note(&unsafe { guard::text_of(message) });
-}
-
-/// Raises an engine fault, for tests.
-#[cfg(test)]
-pub(in crate::mujoco) fn raise_fault(text: &CStr) {
-    // SAFETY: a constant string.
-    unsafe { ffi::mju_error(text.as_ptr()) }
-}
-
-/// Raises an engine warning, for tests.
-#[cfg(test)]
-pub(in crate::mujoco) fn raise_warning(text: &CStr) {
-    // SAFETY: a constant string.
-    unsafe { ffi::mju_warning(text.as_ptr()) }
 }
 
 /// The attribute of `<size>` to raise, if the message of a fault means that the engine's stack is full.

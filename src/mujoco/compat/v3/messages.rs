@@ -3,8 +3,6 @@
 use crate::mujoco::ffi;
 use crate::mujoco::guard;
 use crate::mujoco::warnings::WarningKind;
-#[cfg(test)]
-use std::ffi::CStr;
 #[cfg(not(mj_log_handler))]
 use std::ffi::c_char;
 
@@ -70,20 +68,6 @@ mod engine {
 /// Makes the engine hand its messages to the guard on the current thread, instead of printing, logging and exiting.
 pub(in crate::mujoco) fn install_handlers() {
     engine::install();
-}
-
-/// Raises an engine fault, for tests.
-#[cfg(test)]
-pub(in crate::mujoco) fn raise_fault(text: &CStr) {
-    // SAFETY: a constant string without conversions.
-    unsafe { ffi::mju_error(text.as_ptr()) }
-}
-
-/// Raises an engine warning, for tests.
-#[cfg(test)]
-pub(in crate::mujoco) fn raise_warning(text: &CStr) {
-    // SAFETY: a constant string without conversions.
-    unsafe { ffi::mju_warning(text.as_ptr()) }
 }
 
 /// The attribute of `<size>` to raise, if the message of a fault means that the engine's stack is full.
