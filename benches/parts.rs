@@ -1,10 +1,10 @@
 //! The parts of a grasped step: contact laws, the arrow-shaped solve (with filling in its rows), the quality.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use mujoco_grasp::grasp::arrow::{Arrow, ROOT, RootVector};
-use mujoco_grasp::grasp::cone::{Bound, Law, MAX_ROWS, Zone};
-use mujoco_grasp::grasp::gram::Gram;
-use mujoco_grasp::grasp::wrench::ContactForce;
+use mujoco_grasp::grasp::cones::arrow::{Arrow, ROOT, RootVector};
+use mujoco_grasp::grasp::contact::cost::{ActiveSet, Bound, Cost, MAX_ROWS};
+use mujoco_grasp::grasp::monitor::gram::Gram;
+use mujoco_grasp::grasp::monitor::wrench::LoadedContact;
 use nalgebra::Vector3;
 use std::hint::black_box;
 use std::time::Duration;
@@ -15,9 +15,9 @@ const JOINTS: usize = 4;
 
 fn laws(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("law");
-    let elliptic = Law::Elliptic { stiffness: 2.0, cone: 0.8, friction: FRICTION };
-    let pyramidal = Law::Pyramidal { stiffness: 2.0, friction: FRICTION };
-    let slip = Law::Slip {
+    let elliptic = Cost::Elliptic { stiffness: 2.0, cone: 0.8, friction: FRICTION };
+    let pyramidal = Cost::Pyramidal { stiffness: 2.0, friction: FRICTION };
+    let slip = Cost::Slip {
         centre: [0.1, 0.0, 0.0, 0.0, 0.0],
         resistance: 0.5,
         friction: FRICTION,
@@ -34,7 +34,7 @@ fn laws(criterion: &mut Criterion) {
     ];
     for condim in [3, 4] {
         for (name, law, jar) in &cases {
-            let rows = if matches!(law, Law::Slip { .. }) { condim - 1 } else { condim };
+            let rows = if matches!(law, Cost::Slip { .. }) { condim - 1 } else { condim };
             group.bench_function(BenchmarkId::new(*name, format!("condim {condim}")), |b| {
                 b.iter(|| black_box(law).respond(black_box(&jar[..rows])));
             });
@@ -70,7 +70,7 @@ fn rows(condim: usize) -> Vec<Rows> {
 }
 
 /// The problem, each contact starting at its force and in its zone of `from`.
-fn fill(arrow: &mut Arrow, rows: &[Rows], law: Law, from: &[(Zone, [f64; MAX_ROWS])]) {
+fn fill(arrow: &mut Arrow, rows: &[Rows], law: Cost, from: &[(ActiveSet, [f64; MAX_ROWS])]) {
     arrow.begin();
     for (finger, (zone, force)) in rows.iter().zip(from) {
         let m = finger.bias.len();
@@ -85,12 +85,12 @@ fn arrow(criterion: &mut Criterion) {
     for condim in [3, 4] {
         let rows = rows(condim);
         for (name, law) in [
-            ("elliptic", Law::Elliptic { stiffness: 0.5, cone: 0.8, friction: FRICTION }),
-            ("pyramidal", Law::Pyramidal { stiffness: 0.5, friction: FRICTION }),
+            ("elliptic", Cost::Elliptic { stiffness: 0.5, cone: 0.8, friction: FRICTION }),
+            ("pyramidal", Cost::Pyramidal { stiffness: 0.5, friction: FRICTION }),
         ] {
             let parameter = format!("{name} condim {condim}");
             let mut arrow = Arrow::default();
-            let cold = [(Zone::Open, [0.0; MAX_ROWS]); FINGERS];
+            let cold = [(ActiveSet::Open, [0.0; MAX_ROWS]); FINGERS];
             group.bench_function(BenchmarkId::new("cold", &parameter), |b| {
                 b.iter(|| {
                     let mut z = [0.0; ROOT];
@@ -102,7 +102,7 @@ fn arrow(criterion: &mut Criterion) {
             fill(&mut arrow, &rows, law, &cold);
             let status = arrow.solve(&mut solution);
             assert!(status.converged, "{parameter}: {status:?}");
-            let warm: Vec<_> = (0..FINGERS).map(|k| (arrow.response(k).zone, arrow.response(k).force)).collect();
+            let warm: Vec<_> = (0..FINGERS).map(|k| (arrow.response(k).active_set, arrow.response(k).force)).collect();
             // last step's solution, moved a little, as in a simulation
             group.bench_function(BenchmarkId::new("warm", &parameter), |b| {
                 b.iter(|| {
@@ -119,7 +119,7 @@ fn arrow(criterion: &mut Criterion) {
 fn quality(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("quality");
     for condim in [3, 4] {
-        let contacts: Vec<ContactForce> = (0..FINGERS).map(|i| contact(i, condim)).collect();
+        let contacts: Vec<LoadedContact> = (0..FINGERS).map(|i| contact(i, condim)).collect();
         let com = Vector3::zeros();
         let name = format!("{FINGERS} contacts, condim {condim}");
         group.bench_function(BenchmarkId::new("gram", &name), |b| b.iter(|| Gram::of(black_box(&contacts), &com)));
@@ -135,11 +135,11 @@ fn quality(criterion: &mut Criterion) {
 }
 
 /// Contact `i` of five around a ball of 35 mm, not all in one plane.
-fn contact(i: usize, condim: usize) -> ContactForce {
+fn contact(i: usize, condim: usize) -> LoadedContact {
     let angle = i as f64 * 1.3;
     let outward = Vector3::new(angle.cos(), angle.sin(), 0.3 * (2.0 * angle).sin()).normalize();
     let tangent = outward.cross(&Vector3::z()).normalize();
-    ContactForce {
+    LoadedContact {
         position: 0.035 * outward,
         normal: -outward,
         tangents: [tangent, -outward.cross(&tangent)],

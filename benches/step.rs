@@ -4,7 +4,7 @@
 //! ratios at the end are those of `mujoco-grasp bench`, which interleaves likewise.
 
 use criterion::{Criterion, Throughput};
-use mujoco_grasp::grasp::{self, Grasp, Phase};
+use mujoco_grasp::grasp::{Grasps, Phase};
 use mujoco_grasp::mujoco::{Simulation, State};
 use mujoco_grasp::scenario::bench::bench;
 use mujoco_grasp::scenario::plan::Plan;
@@ -19,14 +19,14 @@ const SCENES: [&str; 2] = ["claw", "claw4"];
 struct Lane {
     name: &'static str,
     sim: Simulation,
-    grasps: Vec<Grasp>,
+    grasps: Grasps,
 }
 
 /// Four ways of stepping the same held grasp, and where they start.
 struct Lanes {
     lanes: Vec<Lane>,
     state: State,
-    held: Vec<Grasp>,
+    held: Grasps,
 }
 
 impl Lanes {
@@ -39,7 +39,7 @@ impl Lanes {
         let engine = |name, noslip| -> anyhow::Result<Lane> {
             let mut sim = Simulation::new(&plan.model)?;
             sim.set_noslip_iterations(noslip)?;
-            Ok(Lane { name, sim, grasps: Vec::new() })
+            Ok(Lane { name, sim, grasps: Grasps::new() })
         };
         let mut floor = engine("floor", 0)?;
         floor.sim.set_contacts_enabled(false);
@@ -57,7 +57,7 @@ impl Lanes {
             }
             let start = Instant::now();
             for _ in 0..TURN {
-                grasp::step(&mut lane.sim, &mut lane.grasps)?;
+                lane.grasps.step(&mut lane.sim)?;
             }
             if i == measured {
                 time = start.elapsed();

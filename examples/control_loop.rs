@@ -6,7 +6,7 @@
 //! constraint did, and squeezes with what the tangential load needs, and some to spare.
 #![forbid(unsafe_code)]
 
-use mujoco_grasp::grasp::{Grasp, GraspSpec, step};
+use mujoco_grasp::grasp::{Grasp, GraspId, GraspSpec, Grasps};
 use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
 use nalgebra::Vector3;
 use std::error::Error;
@@ -58,7 +58,7 @@ pub fn run(controlled: bool) -> Result<Grip, Box<dyn Error>> {
     let model = Model::from_xml_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/gripper.xml"))?;
     let mut sim = Simulation::new(&model)?;
     let (ball, palm) = (sim.model().body("ball")?, sim.model().body("palm")?);
-    let mut grasps = [Grasp::new(&sim, &GraspSpec::new(ball, palm))?];
+    let mut grasps = Grasps::of(&sim, &GraspSpec::new(ball, palm))?;
     let lift = sim.model().actuator("lift")?.index();
     let mut fingers = Vec::new();
     for name in ["left", "right"] {
@@ -71,13 +71,13 @@ pub fn run(controlled: bool) -> Result<Grip, Box<dyn Error>> {
         sim.ctrl_mut()[lift] = 0.1 * (time - 0.7).clamp(0.0, 0.5) / 0.5;
         for finger in &mut fingers {
             if controlled || time < 1.5 {
-                finger.update(&mut sim, &grasps[0]);
+                finger.update(&mut sim, &grasps[GraspId::FIRST]);
             }
         }
         let pull = if time < 1.5 { 0.0 } else { PULL * (time - 1.5).min(0.5) / 0.5 };
         sim.set_body_wrench(ball, &Vector3::new(0.0, 0.0, -pull), &Vector3::zeros())?;
-        step(&mut sim, &mut grasps)?;
-        normal[usize::from(time >= 1.5)] = fingers[0].felt(&grasps[0]).0;
+        grasps.step(&mut sim)?;
+        normal[usize::from(time >= 1.5)] = fingers[0].felt(&grasps[GraspId::FIRST]).0;
     }
     let kept = sim.body_com(ball).z > 0.1;
     println!(

@@ -3,7 +3,7 @@
 //! `cargo run --release --example handover`
 #![forbid(unsafe_code)]
 
-use mujoco_grasp::grasp::{Grasp, GraspSpec, Phase, step};
+use mujoco_grasp::grasp::{GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
 use std::error::Error;
 
@@ -47,8 +47,9 @@ pub fn run() -> Result<(Vec<Event>, f64), Box<dyn Error>> {
     let baton = sim.model().body("baton")?;
     let palms = [sim.model().body("left_palm")?, sim.model().body("right_palm")?];
     // one grasp for each pair of hand and target
-    let mut grasps =
-        [Grasp::new(&sim, &GraspSpec::new(baton, palms[0]))?, Grasp::new(&sim, &GraspSpec::new(baton, palms[1]))?];
+    let mut grasps = Grasps::new();
+    let left = grasps.add(&sim, &GraspSpec::new(baton, palms[0]))?;
+    let right = grasps.add(&sim, &GraspSpec::new(baton, palms[1]))?;
     let names: Vec<String> = sim.model().actuators().map(|a| sim.model().label(a)).collect();
     let start = sim.qpos()[..7].to_vec();
 
@@ -64,12 +65,12 @@ pub fn run() -> Result<(Vec<Event>, f64), Box<dyn Error>> {
         for (name, ctrl) in names.iter().zip(sim.ctrl_mut()) {
             *ctrl = target(name, time);
         }
-        let before = [grasps[0].phase(), grasps[1].phase()];
-        step(&mut sim, &mut grasps)?;
-        for (i, hand) in ["left", "right"].into_iter().enumerate() {
-            let phase = grasps[i].phase();
-            if phase != before[i] {
-                println!("{:.3} s: the {hand} hand is {phase:?}, Q = {:.3} N", sim.time(), grasps[i].quality());
+        let before = [left, right].map(|hand| grasps[hand].phase());
+        grasps.step(&mut sim)?;
+        for ((hand, id), before) in [("left", left), ("right", right)].into_iter().zip(before) {
+            let phase = grasps[id].phase();
+            if phase != before {
+                println!("{:.3} s: the {hand} hand is {phase:?}, Q = {:.3} N", sim.time(), grasps[id].quality());
                 events.push(Event { time: sim.time(), hand, phase });
             }
         }

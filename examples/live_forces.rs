@@ -3,7 +3,7 @@
 //! `cargo run --release --example live_forces`
 #![forbid(unsafe_code)]
 
-use mujoco_grasp::grasp::{Grasp, GraspSpec, Phase, step};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use nalgebra::Vector3;
 use std::error::Error;
@@ -29,26 +29,26 @@ pub fn run() -> Result<Vec<Reading>, Box<dyn Error>> {
     let model = Model::from_xml_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/gripper.xml"))?;
     let mut sim = Simulation::new(&model)?;
     let (ball, palm) = (sim.model().body("ball")?, sim.model().body("palm")?);
-    let mut grasps = [Grasp::new(&sim, &GraspSpec::new(ball, palm))?];
+    let mut grasps = Grasps::of(&sim, &GraspSpec::new(ball, palm))?;
     let lift = sim.model().actuator("lift")?.index();
     sim.ctrl_mut().fill(0.01);
-    grasps[0].allow_latch(false);
+    grasps[GraspId::FIRST].allow_latch(false);
 
     let mut readings = Vec::new();
     println!("time    phase      finger        normal  along    slip        at the limit");
     for k in 0..1000 {
         let time = sim.time();
         // MuJoCo's own contacts first; a grasp from 0.5 s on; then a lift, and a pull until the ball slides
-        grasps[0].allow_latch(time > 0.5);
+        grasps[GraspId::FIRST].allow_latch(time > 0.5);
         sim.ctrl_mut()[lift] = 0.1 * (time - 0.8).clamp(0.0, 0.5) / 0.5;
         let pull = 4.0 * (time - 1.5).clamp(0.0, 0.5) / 0.5;
         sim.set_body_wrench(ball, &Vector3::new(0.0, 0.0, -pull), &Vector3::zeros())?;
-        step(&mut sim, &mut grasps)?;
+        grasps.step(&mut sim)?;
         let every = if time < 1.5 { 50 } else { 10 };
         if (k + 1) % every != 0 {
             continue;
         }
-        let grasp = &mut grasps[0];
+        let grasp = &mut grasps[GraspId::FIRST];
         grasp.read_slip(&sim);
         for contact in grasp.contacts() {
             let normal = contact.normal_force();

@@ -3,7 +3,7 @@
 //! `cargo run --release --example load_and_hold`
 #![forbid(unsafe_code)]
 
-use mujoco_grasp::grasp::{Grasp, GraspSpec, Phase, step};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use std::error::Error;
 
@@ -24,13 +24,13 @@ pub fn run() -> Result<Held, Box<dyn Error>> {
     let model = Model::from_xml_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/gripper.xml"))?;
     let mut sim = Simulation::new(&model)?;
     let (ball, palm) = (sim.model().body("ball")?, sim.model().body("palm")?);
-    let mut grasps = [Grasp::new(&sim, &GraspSpec::new(ball, palm))?];
+    let mut grasps = Grasps::of(&sim, &GraspSpec::new(ball, palm))?;
     let [lift, left, right] = ["lift", "left", "right"].map(|name| sim.model().actuator(name).map(|id| id.index()));
     let (lift, left, right) = (lift?, left?, right?);
     println!(
         "latches at Q = {:.3} N, is given up below {:.3} N",
-        grasps[0].latch_quality(),
-        grasps[0].release_quality()
+        grasps[GraspId::FIRST].latch_quality(),
+        grasps[GraspId::FIRST].release_quality()
     );
 
     let mut latched_at = f64::NAN;
@@ -39,14 +39,14 @@ pub fn run() -> Result<Held, Box<dyn Error>> {
         let ctrl = sim.ctrl_mut();
         (ctrl[left], ctrl[right]) = (0.01, 0.01);
         ctrl[lift] = 0.1 * (time - 0.5).clamp(0.0, 1.0);
-        step(&mut sim, &mut grasps)?;
-        if latched_at.is_nan() && grasps[0].phase() == Phase::Grasped {
+        grasps.step(&mut sim)?;
+        if latched_at.is_nan() && grasps[GraspId::FIRST].phase() == Phase::Grasped {
             latched_at = sim.time();
             println!("latched at {latched_at:.3} s");
         }
     }
 
-    let grasp = &grasps[0];
+    let grasp = &grasps[GraspId::FIRST];
     println!("at {:.3} s: {:?}, Q = {:.3} N", sim.time(), grasp.phase(), grasp.quality());
     for contact in grasp.contacts() {
         let [x, y, z] = contact.force.into();

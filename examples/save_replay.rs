@@ -3,29 +3,29 @@
 //! `cargo run --release --example save_replay [FILE]`
 #![forbid(unsafe_code)]
 
-use mujoco_grasp::grasp::{Grasp, GraspSpec, Snapshot, step};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Snapshot};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use std::error::Error;
 use std::path::Path;
 
 /// A simulation of the gripper, and its grasp.
-fn set_up() -> Result<(Simulation, [Grasp; 1]), Box<dyn Error>> {
+fn set_up() -> Result<(Simulation, Grasps), Box<dyn Error>> {
     let model = Model::from_xml_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/gripper.xml"))?;
     let sim = Simulation::new(&model)?;
     let spec = GraspSpec::new(sim.model().body("ball")?, sim.model().body("palm")?);
-    let grasp = Grasp::new(&sim, &spec)?;
-    Ok((sim, [grasp]))
+    let grasps = Grasps::of(&sim, &spec)?;
+    Ok((sim, grasps))
 }
 
 /// Closes, lifts and opens again, up to a time \[s\]; positions and contact forces of each step.
-fn advance(sim: &mut Simulation, grasps: &mut [Grasp], until: f64) -> Result<Vec<Vec<f64>>, Box<dyn Error>> {
+fn advance(sim: &mut Simulation, grasps: &mut Grasps, until: f64) -> Result<Vec<Vec<f64>>, Box<dyn Error>> {
     let mut steps = Vec::new();
     while sim.time() < until {
         let time = sim.time();
         let ctrl = sim.ctrl_mut();
         ctrl.fill(if time < 1.5 { 0.01 } else { -0.01 });
         ctrl[0] = 0.1 * (time - 0.5).clamp(0.0, 0.5) / 0.5;
-        step(sim, grasps)?;
+        grasps.step(sim)?;
         let forces = grasps.iter().flat_map(|grasp| grasp.contacts()).flat_map(|contact| contact.force_rows);
         steps.push(sim.qpos().iter().copied().chain(forces).collect());
     }
@@ -38,7 +38,7 @@ pub fn run(file: &Path) -> Result<(usize, usize), Box<dyn Error>> {
     advance(&mut sim, &mut grasps, 0.8)?;
     let snapshot = Snapshot::take(&sim, &grasps);
     std::fs::write(file, serde_json::to_string_pretty(&snapshot)?)?;
-    println!("saved at {:.3} s, {:?}, to {}", sim.time(), grasps[0].phase(), file.display());
+    println!("saved at {:.3} s, {:?}, to {}", sim.time(), grasps[GraspId::FIRST].phase(), file.display());
     let first = advance(&mut sim, &mut grasps, 2.0)?;
 
     // as another program would
@@ -49,7 +49,11 @@ pub fn run(file: &Path) -> Result<(usize, usize), Box<dyn Error>> {
 
     let same_bits = |a: &[f64], b: &[f64]| a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()));
     let different = first.iter().zip(&second).filter(|(a, b)| !same_bits(a, b)).count();
-    println!("{} steps replayed, {different} of them different; now {:?}", second.len(), grasps[0].phase());
+    println!(
+        "{} steps replayed, {different} of them different; now {:?}",
+        second.len(),
+        grasps[GraspId::FIRST].phase()
+    );
     Ok((if first.len() == second.len() { first.len() } else { 0 }, different))
 }
 

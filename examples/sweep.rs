@@ -6,7 +6,7 @@
 //! be changed there.
 #![forbid(unsafe_code)]
 
-use mujoco_grasp::grasp::{Grasp, GraspSpec, step};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use rayon::prelude::*;
 
@@ -35,13 +35,13 @@ fn height(model: &Model, friction: f64, may_latch: bool) -> Result<f64, Error> {
         of_geom[0] = friction;
     }
     let (ball, palm) = (sim.model().body("ball")?, sim.model().body("palm")?);
-    let mut grasps = [Grasp::new(&sim, &GraspSpec::new(ball, palm))?];
-    grasps[0].allow_latch(may_latch);
+    let mut grasps = Grasps::of(&sim, &GraspSpec::new(ball, palm))?;
+    grasps[GraspId::FIRST].allow_latch(may_latch);
     let lift = sim.model().actuator("lift")?.index();
     sim.ctrl_mut().fill(0.01);
     while sim.time() < 2.0 {
         sim.ctrl_mut()[lift] = 0.15 * (sim.time() - 0.5).clamp(0.0, 1.0);
-        step(&mut sim, &mut grasps)?;
+        grasps.step(&mut sim)?;
     }
     Ok(sim.body_com(ball).z)
 }

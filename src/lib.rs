@@ -46,7 +46,7 @@
 //! Two soft fingertips hold a ball, and let it go.
 //!
 //! ```
-//! use mujoco_grasp::grasp::{Grasp, GraspSpec, Phase, step};
+//! use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase};
 //! use mujoco_grasp::mujoco::{Model, Simulation};
 //!
 //! let model = Model::from_xml_string(
@@ -72,21 +72,21 @@
 //! )?;
 //! let mut sim = Simulation::new(&model)?;
 //! let (ball, palm) = (sim.model().body("ball")?, sim.model().body("palm")?);
-//! let mut grasps = [Grasp::new(&sim, &GraspSpec::new(ball, palm))?];
+//! let mut grasps = Grasps::of(&sim, &GraspSpec::new(ball, palm))?;
 //!
 //! sim.ctrl_mut().fill(0.01);
 //! while sim.time() < 1.0 {
-//!     step(&mut sim, &mut grasps)?;
+//!     grasps.step(&mut sim)?;
 //! }
-//! assert_eq!(grasps[0].phase(), Phase::Grasped);
+//! assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Grasped);
 //! assert!(sim.body_com(ball).z > 0.235);
-//! println!("Q = {:.3} N on {} contacts", grasps[0].quality(), grasps[0].contacts().len());
+//! println!("Q = {:.3} N on {} contacts", grasps[GraspId::FIRST].quality(), grasps[GraspId::FIRST].contacts().len());
 //!
 //! sim.ctrl_mut().fill(-0.02);
 //! while sim.time() < 1.5 {
-//!     step(&mut sim, &mut grasps)?;
+//!     grasps.step(&mut sim)?;
 //! }
-//! assert_eq!(grasps[0].phase(), Phase::Ungrasped);
+//! assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Ungrasped);
 //! assert!(sim.body_com(ball).z < 0.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -5,7 +5,7 @@
 #[path = "common/one_step.rs"]
 mod one_step;
 
-use mujoco_grasp::grasp::{self, Grasp, GraspSpec, Phase, find_hand};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase, find_hand};
 use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
 use nalgebra::Vector3;
 
@@ -141,8 +141,8 @@ impl Scene {
         let mut sim = Simulation::new(&model).expect("a simulation");
         let object = sim.model().body("object").expect("object");
         let spec = GraspSpec::new(object, None);
-        let mut grasps = vec![Grasp::new(&sim, &spec).unwrap_or_else(|e| panic!("{self:?}: {e}"))];
-        assert_eq!(sim.model().body_name(grasps[0].palm()), Some("palm"), "{self:?}");
+        let mut grasps = Grasps::of(&sim, &spec).unwrap_or_else(|e| panic!("{self:?}: {e}"));
+        assert_eq!(sim.model().body_name(grasps[GraspId::FIRST].palm()), Some("palm"), "{self:?}");
         let start = sim.qpos().to_vec();
         let (q, v) = joints_of(&sim, object);
         let fingers: Vec<usize> = ["left", "right", "cable"]
@@ -150,22 +150,22 @@ impl Scene {
             .filter_map(|name| Some(sim.model().actuator(name).ok()?.index()))
             .collect();
         let squeeze = 0.005 + 8.0 / 600.0;
-        grasps[0].allow_latch(false);
+        grasps[GraspId::FIRST].allow_latch(false);
         while sim.time() < 0.8 {
             for &finger in &fingers {
                 sim.ctrl_mut()[finger] = squeeze * (sim.time() / 0.4).min(1.0);
             }
             sim.qpos_mut()[q.clone()].copy_from_slice(&start[q.clone()]);
             sim.qvel_mut()[v.clone()].fill(0.0);
-            grasp::step(&mut sim, &mut grasps).expect("a step");
+            grasps.step(&mut sim).expect("a step");
         }
-        grasps[0].allow_latch(true);
+        grasps[GraspId::FIRST].allow_latch(true);
         while sim.time() < 1.0 {
-            grasp::step(&mut sim, &mut grasps).expect("a step");
+            grasps.step(&mut sim).expect("a step");
         }
-        let quality = grasps[0].quality();
-        assert_eq!(grasps[0].phase(), Phase::Grasped, "{self:?}: quality {quality}");
-        let palm = grasps[0].palm();
+        let quality = grasps[GraspId::FIRST].quality();
+        assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Grasped, "{self:?}: quality {quality}");
+        let palm = grasps[GraspId::FIRST].palm();
         let (placed, mut moved) = (sim.body_position(palm), 0.0f64);
         let (mut worst, mut touch) = (0.0f64, 0.0f64);
         for step in 0..500 {
@@ -177,12 +177,12 @@ impl Scene {
             };
             sim.set_body_wrench(object, &force, &Vector3::zeros()).expect("a wrench");
             let mut exact = (step % 10 == 0).then(|| one_step::engine(&sim));
-            grasp::step(&mut sim, &mut grasps).expect("a step");
-            assert_eq!(grasps[0].phase(), Phase::Grasped, "{self:?}: given up after {step} steps");
+            grasps.step(&mut sim).expect("a step");
+            assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Grasped, "{self:?}: given up after {step} steps");
             assert!(sim.contacts().all(|c| c.excluded || c.other_body(object).is_none()), "{self:?}");
             moved = moved.max((sim.body_position(palm) - placed).norm());
             if let Some(exact) = &mut exact {
-                worst = worst.max(one_step::difference(exact, grasps[0].contacts()));
+                worst = worst.max(one_step::difference(exact, grasps[GraspId::FIRST].contacts()));
                 let largest = exact.sensordata().iter().fold(0.0, |m: f64, x| m.max(*x));
                 assert!(exact.sensordata().iter().all(|&x| x > 0.5), "{self:?}: {:?}", exact.sensordata());
                 for (ours, theirs) in sim.sensordata().iter().zip(exact.sensordata()) {
@@ -197,10 +197,10 @@ impl Scene {
             sim.ctrl_mut()[finger] = -0.005;
         }
         for _ in 0..150 {
-            grasp::step(&mut sim, &mut grasps).expect("a step");
+            grasps.step(&mut sim).expect("a step");
         }
-        assert_eq!(grasps[0].phase(), Phase::Ungrasped, "{self:?}: not released");
-        assert!(grasps[0].contacts().is_empty(), "{self:?}: still touches");
+        assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Ungrasped, "{self:?}: not released");
+        assert!(grasps[GraspId::FIRST].contacts().is_empty(), "{self:?}: still touches");
     }
 
     fn shake(&self, sim: &mut Simulation, time: f64) {
@@ -290,7 +290,7 @@ fn found(worldbody: &str, rest: &str) -> Result<String, String> {
     // what is found holds the grasp, too
     let sim = Simulation::new(&model).expect("a simulation");
     let spec = GraspSpec::new(model.body("object").expect("object"), None);
-    assert_eq!(Grasp::new(&sim, &spec).expect("a grasp").palm(), palm);
+    assert_eq!(Grasps::of(&sim, &spec).expect("a grasp")[GraspId::FIRST].palm(), palm);
     Ok(model.body_name(palm).unwrap_or("nameless").to_owned())
 }
 

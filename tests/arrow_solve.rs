@@ -4,15 +4,15 @@
 mod oracle;
 
 use clarabel::solver::SupportedConeT;
-use mujoco_grasp::grasp::arrow::{Arrow, ROOT, RootVector};
-use mujoco_grasp::grasp::cone::{Bound, Law, Zone};
+use mujoco_grasp::grasp::cones::arrow::{Arrow, ROOT, RootVector};
+use mujoco_grasp::grasp::contact::cost::{ActiveSet, Bound, Cost};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::test_runner::TestRng;
 
 struct Contact {
     finger: Option<usize>,
-    law: Law,
+    law: Cost,
     /// rows x all unknowns; the finger's and the root's columns only are filled
     rows: DMatrix<f64>,
     bias: Vec<f64>,
@@ -56,18 +56,18 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
         let law = if slip {
             let normal = uniform(&mut rng, 0.2, 2.0);
             let centre = [0.2 * normal, -0.3 * normal, 0.0, 0.0, 0.0];
-            Law::Slip { centre, resistance: 0.2, friction, bound: Bound::Ellipsoid(normal) }
+            Cost::Slip { centre, resistance: 0.2, friction, bound: Bound::Ellipsoid(normal) }
         } else if condim == 1 {
             // joint limits and friction losses have one row, too
             if seed.is_multiple_of(2) {
-                Law::Unilateral { stiffness: 0.5 }
+                Cost::Unilateral { stiffness: 0.5 }
             } else {
-                Law::Bounded { centre: 0.3, stiffness: 0.5, limit: 1.0 }
+                Cost::Bounded { centre: 0.3, stiffness: 0.5, limit: 1.0 }
             }
         } else if rng.next_u32().is_multiple_of(3) {
-            Law::Pyramidal { stiffness: 0.5, friction }
+            Cost::Pyramidal { stiffness: 0.5, friction }
         } else {
-            Law::Elliptic { stiffness: 0.5, cone: 0.8, friction }
+            Cost::Elliptic { stiffness: 0.5, cone: 0.8, friction }
         };
         contacts.push(Contact { finger, law, rows, bias });
     }
@@ -75,7 +75,7 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
 }
 
 /// All unknowns (root, then each finger's joints) by the arrow solve from the start `z`, contacts expected at `zone`.
-fn ours(problem: &Problem, mut z: RootVector, zone: Zone) -> Option<DVector<f64>> {
+fn ours(problem: &Problem, mut z: RootVector, zone: ActiveSet) -> Option<DVector<f64>> {
     let mut arrow = Arrow::default();
     let mut order = Vec::new();
     arrow.begin();
@@ -96,7 +96,7 @@ fn ours(problem: &Problem, mut z: RootVector, zone: Zone) -> Option<DVector<f64>
     let status = arrow.solve(&mut z);
     let mut all = DVector::zeros(problem.contacts[0].rows.ncols());
     for (block, c) in order.iter().enumerate() {
-        let first = usize::from(matches!(c.law, Law::Slip { .. }));
+        let first = usize::from(matches!(c.law, Cost::Slip { .. }));
         for i in first..c.bias.len() {
             all += c.rows.row(i).transpose() * arrow.response(block).force[i - first];
         }
@@ -112,7 +112,7 @@ fn oracle(problem: &Problem) -> Option<DVector<f64>> {
         .contacts
         .iter()
         .map(|c| {
-            let first = usize::from(matches!(c.law, Law::Slip { .. }));
+            let first = usize::from(matches!(c.law, Cost::Slip { .. }));
             let rows = c.rows.rows(first, c.rows.nrows() - first).into_owned();
             (oracle::dual(&c.law, rows.nrows()), rows, DVector::from_column_slice(&c.bias[first..]))
         })
@@ -147,7 +147,7 @@ fn oracle(problem: &Problem) -> Option<DVector<f64>> {
 /// What is minimised, from its definition.
 fn cost(problem: &Problem, z: &DVector<f64>) -> f64 {
     let contact = |c: &Contact| {
-        let first = usize::from(matches!(c.law, Law::Slip { .. }));
+        let first = usize::from(matches!(c.law, Cost::Slip { .. }));
         let jar = DVector::from_column_slice(&c.bias) + &c.rows * z;
         c.law.respond(&jar.as_slice()[first..]).cost
     };
@@ -158,7 +158,8 @@ fn compare(slip: bool) {
     let mut solved = 0;
     for seed in 0..200 {
         let problem = random_problem(seed, slip);
-        let cold = ours(&problem, [0.0; ROOT], Zone::Stick).unwrap_or_else(|| panic!("seed {seed} did not converge"));
+        let cold =
+            ours(&problem, [0.0; ROOT], ActiveSet::Stick).unwrap_or_else(|| panic!("seed {seed} did not converge"));
         // the oracle gives up on some; not on many, see below
         let Some(expected) = oracle(&problem) else { continue };
         solved += 1;
@@ -167,7 +168,8 @@ fn compare(slip: bool) {
         assert!(mine <= theirs + 1e-9 * theirs.abs(), "seed {seed}: {mine} above {theirs}");
         assert!((&cold - &expected).norm() < 0.03 * expected.norm().max(1.0), "seed {seed}: another problem");
         // the minimum is one: another start ends in the same point
-        let far = ours(&problem, std::array::from_fn(|i| 5.0 * (i as f64).sin()), Zone::Slide).expect("convergence");
+        let far =
+            ours(&problem, std::array::from_fn(|i| 5.0 * (i as f64).sin()), ActiveSet::Slide).expect("convergence");
         let error = (&cold - far).norm() / expected.norm().max(1.0);
         assert!(error < 1e-5, "seed {seed}: starts differ by {error}");
     }

@@ -1,6 +1,6 @@
 //! Latch and release of the built-in grasps at rest: the target's acceleration changes by less than 1 % of g.
 
-use mujoco_grasp::grasp::{self, Grasp, GraspSpec, Phase};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 use nalgebra::Vector3;
@@ -17,27 +17,27 @@ fn bumps(scenario: &str) -> [f64; 2] {
     runner.sim_mut().set_noslip_tolerance(0.0).expect("a tolerance");
     runner.advance_to(plan.timeline.measure_from()).expect("a hold");
     let (mut sim, mut grasps) = runner.into_parts();
-    let target = grasps[0].target();
+    let target = grasps[GraspId::FIRST].target();
     // the thesis's ball settles at a quality just below the one at which it was latched
-    let mut spec = GraspSpec::new(target, grasps[0].palm());
-    spec.effectors = grasps[0].links().to_vec();
-    spec.latch_quality = Some(0.8 * grasps[0].quality());
-    grasps[0] = Grasp::new(&sim, &spec).expect("a grasp");
+    let mut spec = GraspSpec::new(target, grasps[GraspId::FIRST].palm());
+    spec.effectors = grasps[GraspId::FIRST].links().to_vec();
+    spec.latch_quality = Some(0.8 * grasps[GraspId::FIRST].quality());
+    grasps = Grasps::of(&sim, &spec).expect("a grasp");
     let dof = sim.model().body_dofadr()[target.index()] as usize;
     let mut worst = |latch: bool| {
-        grasps[0].allow_latch(latch);
+        grasps[GraspId::FIRST].allow_latch(latch);
         if !latch {
-            grasps[0].release();
+            grasps[GraspId::FIRST].release();
         }
         let mut last = Vector3::from_column_slice(&sim.qacc()[dof..dof + 3]);
         let mut worst = 0.0f64;
         for _ in 0..STEPS {
-            grasp::step(&mut sim, &mut grasps).expect("a step");
+            grasps.step(&mut sim).expect("a step");
             let now = Vector3::from_column_slice(&sim.qacc()[dof..dof + 3]);
             worst = worst.max((now - last).norm());
             last = now;
         }
-        assert_eq!(grasps[0].phase() == Phase::Grasped, latch);
+        assert_eq!(grasps[GraspId::FIRST].phase() == Phase::Grasped, latch);
         worst
     };
     let at_rest = worst(false);

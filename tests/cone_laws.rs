@@ -3,7 +3,7 @@
 #[path = "common/oracle.rs"]
 mod oracle;
 
-use mujoco_grasp::grasp::cone::{Bound, Law, MAX_ROWS, Zone};
+use mujoco_grasp::grasp::contact::cost::{ActiveSet, Bound, Cost, MAX_ROWS};
 use proptest::prelude::*;
 
 fn friction() -> impl Strategy<Value = [f64; 5]> {
@@ -20,20 +20,20 @@ fn residual(rows: usize) -> impl Strategy<Value = Vec<f64>> {
     })
 }
 
-fn soft() -> impl Strategy<Value = (Law, Vec<f64>)> {
+fn soft() -> impl Strategy<Value = (Cost, Vec<f64>)> {
     (0.3..3.0f64, 0.2..1.5f64, friction(), prop_oneof![Just(3usize), Just(4), Just(6)], any::<bool>()).prop_flat_map(
         |(stiffness, cone, friction, rows, pyramidal)| {
             let law = if pyramidal {
-                Law::Pyramidal { stiffness, friction }
+                Cost::Pyramidal { stiffness, friction }
             } else {
-                Law::Elliptic { stiffness, cone, friction }
+                Cost::Elliptic { stiffness, cone, friction }
             };
             residual(rows).prop_map(move |jar| (law, jar))
         },
     )
 }
 
-fn slip() -> impl Strategy<Value = (Law, Vec<f64>)> {
+fn slip() -> impl Strategy<Value = (Cost, Vec<f64>)> {
     (
         0.3..3.0f64,
         friction(),
@@ -49,17 +49,17 @@ fn slip() -> impl Strategy<Value = (Law, Vec<f64>)> {
                 centre[j] = 0.5 * friction[j] * normal * unit[j];
             }
             let bound = if boxed { Bound::Box(normals) } else { Bound::Ellipsoid(normal) };
-            let law = Law::Slip { centre, resistance, friction, bound };
+            let law = Cost::Slip { centre, resistance, friction, bound };
             residual(rows + 1).prop_map(move |jar| (law, jar[1..].to_vec()))
         })
 }
 
 /// An interior point method stops short of the boundary: ours must be as close as that method gets, feasible, and
 /// no worse in the objective that both minimise.
-fn assert_projection(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
+fn assert_projection(law: &Cost, jar: &[f64]) -> Result<(), TestCaseError> {
     let ours = nalgebra::DVector::from_column_slice(&law.respond(jar).force[..jar.len()]);
     let oracle = oracle::project(law, jar);
-    if matches!(law, Law::Pyramidal { .. }) {
+    if matches!(law, Cost::Pyramidal { .. }) {
         prop_assert!((&ours - &oracle).norm() < 2e-3 * (1.0 + oracle.norm()), "{ours} and {oracle}");
     } else {
         // strongly convex: feasible and no worse than the oracle means the same point
@@ -71,7 +71,7 @@ fn assert_projection(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
 }
 
 /// Force and Hessian are the first and second differences of the cost.
-fn assert_derivatives(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
+fn assert_derivatives(law: &Cost, jar: &[f64]) -> Result<(), TestCaseError> {
     let h = 1e-6;
     let at = law.respond(jar);
     for j in 0..jar.len() {
@@ -80,7 +80,7 @@ fn assert_derivatives(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
         down[j] -= h;
         let (up, down) = (law.respond(&up), law.respond(&down));
         prop_assert!(((down.cost - up.cost) / (2.0 * h) - at.force[j]).abs() < 1e-4 * (1.0 + at.force[j].abs()));
-        if up.zone != at.zone || down.zone != at.zone {
+        if up.active_set != at.active_set || down.active_set != at.active_set {
             continue; // the Hessian jumps between zones
         }
         for i in 0..jar.len() {
@@ -95,7 +95,7 @@ fn assert_derivatives(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-fn assert_positive(law: &Law, jar: &[f64]) -> Result<(), TestCaseError> {
+fn assert_positive(law: &Cost, jar: &[f64]) -> Result<(), TestCaseError> {
     let at = law.respond(jar);
     let n = jar.len();
     let h = nalgebra::DMatrix::from_fn(n, n, |i, j| at.hessian[i * MAX_ROWS + j]);
@@ -130,23 +130,23 @@ proptest! {
 #[test]
 fn every_branch() {
     let friction = [0.8, 0.8, 0.01, 0.01, 0.01];
-    let elliptic = Law::Elliptic { stiffness: 2.0, cone: 0.8, friction };
-    let pyramid = Law::Pyramidal { stiffness: 2.0, friction };
-    let slip = |bound| Law::Slip { centre: [0.1, 0.0, 0.0, 0.0, 0.0], resistance: 0.5, friction, bound };
-    let cases: [(Law, &[f64], Zone); 9] = [
-        (Law::Unilateral { stiffness: 2.0 }, &[0.5], Zone::Open),
-        (Law::Unilateral { stiffness: 2.0 }, &[-0.5], Zone::Stick),
-        (elliptic, &[1.0, 0.2, 0.0], Zone::Open),
-        (elliptic, &[-1.0, 0.2, 0.0], Zone::Stick),
-        (elliptic, &[0.1, 1.0, 0.5], Zone::Slide),
-        (pyramid, &[1.0, 0.2, 0.0], Zone::Open),
-        (pyramid, &[-1.0, 0.1, 0.2], Zone::Facet(0b1111)),
-        (slip(Bound::Ellipsoid(1.0)), &[0.1, 0.1], Zone::Stick),
-        (slip(Bound::Box([0.3; 5])), &[3.0, 0.01], Zone::Facet(0b01)),
+    let elliptic = Cost::Elliptic { stiffness: 2.0, cone: 0.8, friction };
+    let pyramid = Cost::Pyramidal { stiffness: 2.0, friction };
+    let slip = |bound| Cost::Slip { centre: [0.1, 0.0, 0.0, 0.0, 0.0], resistance: 0.5, friction, bound };
+    let cases: [(Cost, &[f64], ActiveSet); 9] = [
+        (Cost::Unilateral { stiffness: 2.0 }, &[0.5], ActiveSet::Open),
+        (Cost::Unilateral { stiffness: 2.0 }, &[-0.5], ActiveSet::Stick),
+        (elliptic, &[1.0, 0.2, 0.0], ActiveSet::Open),
+        (elliptic, &[-1.0, 0.2, 0.0], ActiveSet::Stick),
+        (elliptic, &[0.1, 1.0, 0.5], ActiveSet::Slide),
+        (pyramid, &[1.0, 0.2, 0.0], ActiveSet::Open),
+        (pyramid, &[-1.0, 0.1, 0.2], ActiveSet::Facet(0b1111)),
+        (slip(Bound::Ellipsoid(1.0)), &[0.1, 0.1], ActiveSet::Stick),
+        (slip(Bound::Box([0.3; 5])), &[3.0, 0.01], ActiveSet::Facet(0b01)),
     ];
     for (law, jar, zone) in cases {
         let response = law.respond(jar);
-        assert_eq!(response.zone, zone, "{law:?} at {jar:?}");
+        assert_eq!(response.active_set, zone, "{law:?} at {jar:?}");
         let oracle = oracle::project(&law, jar);
         for j in 0..jar.len() {
             assert!((response.force[j] - oracle[j]).abs() < 1e-4, "{law:?} at {jar:?}: {:?} {oracle}", response.force);
@@ -156,5 +156,5 @@ fn every_branch() {
     assert_eq!(slip(Bound::Ellipsoid(0.0)).respond(&[1.0, 1.0]).force, [0.0; MAX_ROWS]);
     // head-on: no tangential residual at all
     assert_eq!(elliptic.respond(&[-1.0, 0.0, 0.0]).force[0], 2.0);
-    assert_eq!(elliptic.respond(&[0.0, 0.0, 0.0]).zone, Zone::Open);
+    assert_eq!(elliptic.respond(&[0.0, 0.0, 0.0]).active_set, ActiveSet::Open);
 }

@@ -15,7 +15,7 @@ mod table;
 
 use hands::{BALL, BOX, DUMBBELL, Finger, Hand, Mount, Pad, claw, five, pinch};
 use hold::{Held, NOSLIP, Scene, compare, full};
-use mujoco_grasp::grasp::Phase;
+use mujoco_grasp::grasp::{GraspId, Phase};
 use table::{Bounds, Table};
 
 const ELLIPTIC: &str = r#"cone="elliptic""#;
@@ -72,7 +72,7 @@ fn frictionless_points_never_latch() {
     let mut scene = five(Pad::Point).condim(1).scene(PUSHES_ON_BOX);
     scene.latch_quality = Some(1e-9);
     let mut held = Held::closed(&scene);
-    held.grasps[0].allow_latch(true);
+    held.grasps[GraspId::FIRST].allow_latch(true);
     for _ in 0..100 {
         held.step();
         assert_eq!(held.grasp().contacts().len(), 5, "the box is not held");

@@ -4,7 +4,7 @@
 mod claw;
 
 use claw::Claw;
-use mujoco_grasp::grasp::{self, Error, Grasp, GraspSpec, Phase};
+use mujoco_grasp::grasp::{Error, GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{Integrator, Model, Simulation};
 use nalgebra::Vector3;
 
@@ -31,7 +31,7 @@ fn both_swaps_are_bumpless() {
         claw.sim.set_noslip_iterations(100).expect("a number of iterations");
         claw.run_in_full_mode(1.0);
         let before = claw.acceleration();
-        claw.grasps[0].allow_latch(true);
+        claw.grasps[GraspId::FIRST].allow_latch(true);
         let (mut worst, mut last) = (0.0f64, before);
         for _ in 0..100 {
             claw.step();
@@ -40,8 +40,8 @@ fn both_swaps_are_bumpless() {
         }
         assert_eq!(claw.grasp().phase(), Phase::Grasped);
         assert!(worst < 0.01 * GRAVITY, "{model}: latch changes the acceleration by {worst} m/s^2");
-        claw.grasps[0].release();
-        claw.grasps[0].allow_latch(false);
+        claw.grasps[GraspId::FIRST].release();
+        claw.grasps[GraspId::FIRST].allow_latch(false);
         let mut worst = 0.0f64;
         for _ in 0..100 {
             claw.step();
@@ -62,7 +62,7 @@ fn contact_forces_follow_the_engine_under_a_push() {
         full.sim.set_noslip_iterations(100).expect("a number of iterations");
         full.run_in_full_mode(0.2);
         let mut latched = full.clone();
-        latched.grasps[0].allow_latch(true);
+        latched.grasps[GraspId::FIRST].allow_latch(true);
         latched.run(0.2);
         full.run_in_full_mode(0.2);
         assert_eq!(latched.grasp().phase(), Phase::Grasped);
@@ -157,7 +157,7 @@ fn rejected(target: &str, palm: &str, effectors: &[&str], change: impl Fn(&mut G
     let mut spec = GraspSpec::new(body(target), body(palm));
     spec.effectors = effectors.iter().map(|e| body(e)).collect();
     change(&mut spec);
-    Grasp::new(&sim, &spec).expect_err("a bad grasp").to_string()
+    Grasps::of(&sim, &spec).expect_err("a bad grasp").to_string()
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn an_integrator_that_solves_contacts_within_a_step_is_refused() {
     let mut sim = Simulation::new(&model).expect("a simulation");
     sim.set_integrator(Integrator::Rk4).expect("RK4");
     let spec = GraspSpec::new(sim.model().body("ball").expect("ball"), sim.model().body("palm").expect("palm"));
-    assert!(matches!(Grasp::new(&sim, &spec), Err(Error::Integrator)));
+    assert!(matches!(Grasps::of(&sim, &spec), Err(Error::Integrator)));
 }
 
 #[test]
@@ -202,10 +202,10 @@ fn a_hand_that_touches_nothing_never_latches() {
     let mut spec = GraspSpec::new(sim.model().body("ball").expect("ball"), sim.model().body("palm").expect("palm"));
     spec.latch_quality = Some(1e-9);
     spec.release_quality = Some(0.0);
-    let mut grasps = [Grasp::new(&sim, &spec).expect("a grasp")];
+    let mut grasps = Grasps::of(&sim, &spec).expect("a grasp");
     for _ in 0..100 {
-        grasp::step(&mut sim, &mut grasps).expect("a step");
-        assert_eq!(grasps[0].phase(), Phase::Ungrasped);
+        grasps.step(&mut sim).expect("a step");
+        assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Ungrasped);
     }
-    assert_eq!(grasps[0].quality(), 0.0);
+    assert_eq!(grasps[GraspId::FIRST].quality(), 0.0);
 }

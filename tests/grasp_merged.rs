@@ -4,7 +4,7 @@
 mod claw;
 
 use claw::Claw;
-use mujoco_grasp::grasp::{Error, Grasp, GraspContact, GraspSpec, Limits, Phase, weld_xml};
+use mujoco_grasp::grasp::{Error, GraspContact, GraspId, GraspSpec, Grasps, Limits, Phase, weld_xml};
 use mujoco_grasp::mujoco::{Cone, JacobianStorage, Model, Simulation};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -40,12 +40,12 @@ fn both_swaps_of_a_still_grasp_are_bumpless() {
                 sim.set_cone(cone).expect("a cone");
             });
             claw.run_in_full_mode(1.0);
-            claw.grasps[0].allow_latch(true);
+            claw.grasps[GraspId::FIRST].allow_latch(true);
             let latch = worst_jump(&mut claw, 100);
             assert_eq!(claw.grasp().phase(), Phase::Grasped);
             assert!(latch < 0.01 * GRAVITY, "{limits:?} {file} {cone:?}: latch changes the acceleration by {latch}");
-            claw.grasps[0].release();
-            claw.grasps[0].allow_latch(false);
+            claw.grasps[GraspId::FIRST].release();
+            claw.grasps[GraspId::FIRST].allow_latch(false);
             let release = worst_jump(&mut claw, 100);
             assert_eq!(claw.grasp().phase(), Phase::Ungrasped);
             assert!(
@@ -85,7 +85,7 @@ fn follows_the_engine_while_all_contacts_stick() {
                 sim.set_noslip_iterations(100).expect("a number of iterations");
             });
             let mut full = fast.clone();
-            full.grasps[0].allow_latch(false);
+            full.grasps[GraspId::FIRST].allow_latch(false);
             fast.run(0.2);
             full.run(0.2);
             assert_eq!((fast.grasp().phase(), full.grasp().phase()), (Phase::Grasped, Phase::Ungrasped));
@@ -223,11 +223,10 @@ fn the_users_solver_settings_come_back() {
             assert_eq!(settings(&claw), (noslip, JacobianStorage::Dense));
             ends.push(claw.offset());
             let mut alone = claw.clone();
-            let mut given_up = alone.grasps.remove(0);
-            given_up.restore_settings(&mut alone.sim).expect("restoring");
+            alone.grasps.restore_settings(&mut alone.sim).expect("restoring");
             assert_eq!(settings(&alone), (7, storage));
-            claw.grasps[0].release();
-            claw.grasps[0].allow_latch(false);
+            claw.grasps[GraspId::FIRST].release();
+            claw.grasps[GraspId::FIRST].allow_latch(false);
             claw.step();
             assert_eq!(settings(&claw), (7, storage));
             let weld = claw.sim.model().equalities().last().expect("the weld");
@@ -243,11 +242,11 @@ fn claw_with(extra: &str) -> Simulation {
     Simulation::new(&Model::from_xml_file_with(path, extra).expect("the claw")).expect("a simulation")
 }
 
-fn grasp_of(sim: &Simulation, limits: Limits) -> Result<Grasp, Error> {
+fn grasp_of(sim: &Simulation, limits: Limits) -> Result<Grasps, Error> {
     let body = |name| sim.model().body(name).expect("a body");
     let mut spec = GraspSpec::new(body("object"), body("palm"));
     spec.limits = limits;
-    Grasp::new(sim, &spec)
+    Grasps::of(sim, &spec)
 }
 
 #[test]

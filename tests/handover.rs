@@ -1,6 +1,6 @@
 //! Two hands and one baton: handed over, and held between both, in full mode and in grasp mode.
 
-use mujoco_grasp::grasp::{self, Limits, Phase};
+use mujoco_grasp::grasp::{GraspId, Limits, Phase};
 use mujoco_grasp::scenario::outcome::Outcome;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
@@ -111,7 +111,7 @@ fn each_hand_latches_and_releases_without_a_bump() {
     runner.sim_mut().set_noslip_tolerance(0.0).expect("a tolerance");
     runner.advance_to(4.7).expect("a hold");
     let (mut sim, mut grasps) = runner.into_parts();
-    let dof = sim.model().body_dofadr()[grasps[0].target().index()] as usize;
+    let dof = sim.model().body_dofadr()[grasps[GraspId::FIRST].target().index()] as usize;
     let acceleration = |sim: &mujoco_grasp::mujoco::Simulation| Vector3::from_column_slice(&sim.qacc()[dof..dof + 3]);
     let turns = [
         ("left latches", 0, true),
@@ -120,14 +120,16 @@ fn each_hand_latches_and_releases_without_a_bump() {
         ("right releases", 1, false),
     ];
     grasps.iter_mut().for_each(|g| g.allow_latch(false));
+    let ids: Vec<GraspId> = grasps.ids().collect();
     for (what, hand, latch) in turns {
+        let hand = ids[hand];
         grasps[hand].allow_latch(latch);
         if !latch {
             grasps[hand].release();
         }
         let (mut last, mut bump) = (acceleration(&sim), 0.0f64);
         for _ in 0..50 {
-            grasp::step(&mut sim, &mut grasps).expect("a step");
+            grasps.step(&mut sim).expect("a step");
             let now = acceleration(&sim);
             bump = bump.max((now - last).norm());
             last = now;

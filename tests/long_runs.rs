@@ -4,7 +4,7 @@
 mod claw;
 
 use claw::Claw;
-use mujoco_grasp::grasp::Phase;
+use mujoco_grasp::grasp::{GraspId, Phase};
 use mujoco_grasp::mujoco::Model;
 use nalgebra::Vector3;
 
@@ -85,12 +85,12 @@ fn a_thousand_latches_leave_the_target_in_its_place() {
     let mut claw = Claw::closed("claw4.xml");
     let (start, contacts) = (claw.offset(), claw.grasp().contacts().len());
     for cycle in 0..1000 {
-        claw.grasps[0].allow_latch(true);
+        claw.grasps[GraspId::FIRST].allow_latch(true);
         claw.run(0.06);
         assert_eq!(claw.grasp().phase(), Phase::Grasped, "cycle {cycle}");
         assert_eq!(claw.grasp().contacts().len(), contacts, "cycle {cycle}");
-        claw.grasps[0].release();
-        claw.grasps[0].allow_latch(false);
+        claw.grasps[GraspId::FIRST].release();
+        claw.grasps[GraspId::FIRST].allow_latch(false);
         claw.run(0.01);
         assert_eq!(claw.grasp().contacts().len(), contacts, "cycle {cycle}");
     }

@@ -2,10 +2,9 @@
 
 mod quality_support;
 
-use mujoco_grasp::grasp::quality::{
-    Gram, basis_wrenches, default_latch_quality, default_release_quality, isotropy, min_singular_value, singular_values,
-};
-use mujoco_grasp::grasp::wrench::{ContactForce, contact_radius};
+use mujoco_grasp::grasp::metrics::quality::{Gram, basis_wrenches, isotropy, min_singular_value, singular_values};
+use mujoco_grasp::grasp::monitor::wrench::{LoadedContact, contact_radius};
+use mujoco_grasp::grasp::{default_latch_quality, default_release_quality};
 use nalgebra::{Matrix6, Vector3};
 use quality_support::{Random, contact, equator, faces, on_sphere, tetrahedron};
 
@@ -15,7 +14,7 @@ const SPIN: f64 = 0.01;
 const F: f64 = 2.5;
 const SOFT: [f64; 5] = [MU, MU, SPIN, 0.0005, 0.0005];
 
-fn quality(contacts: &[ContactForce]) -> f64 {
+fn quality(contacts: &[LoadedContact]) -> f64 {
     let reference = min_singular_value(contacts, &Vector3::zeros()).expect("a valid grasp");
     let gram = Gram::of(contacts, &Vector3::zeros());
     let fast = gram.min_singular_value();
@@ -118,7 +117,7 @@ fn degenerate_grasps_have_no_quality() {
     assert_eq!(quality(&[]), 0.0);
     let one = contact(Vector3::new(0.3, 0.1, 0.2), Vector3::x(), 6, SOFT, F);
     assert_eq!(quality(&[one]), 0.0);
-    let elsewhere = ContactForce { normal: -one.normal, ..one };
+    let elsewhere = LoadedContact { normal: -one.normal, ..one };
     assert_eq!(quality(&[one, elsewhere]), 0.0, "contacts on one spot");
     let unloaded: Vec<_> = on_sphere(&equator(5), A, 4, SOFT, 0.0);
     assert_eq!(quality(&unloaded), 0.0);

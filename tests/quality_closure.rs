@@ -2,19 +2,19 @@
 
 mod quality_support;
 
-use mujoco_grasp::grasp::closure::{BalancingForce, NormalForces, equilibrium, force_closure, load_factor};
-use mujoco_grasp::grasp::quality::ferrari_canny;
-use mujoco_grasp::grasp::wrench::ContactForce;
+use mujoco_grasp::grasp::metrics::closure::{BalancingForce, NormalForces, equilibrium, force_closure, load_factor};
+use mujoco_grasp::grasp::metrics::quality::ferrari_canny;
+use mujoco_grasp::grasp::monitor::wrench::LoadedContact;
 use nalgebra::{Rotation3, Vector3, Vector6};
 use quality_support::{Random, contact, equator, faces, on_sphere, tetrahedron};
 
 const SOFT: [f64; 5] = [0.5, 0.5, 0.005, 0.0001, 0.0001];
 
-fn closed(contacts: &[ContactForce]) -> bool {
+fn closed(contacts: &[LoadedContact]) -> bool {
     force_closure(contacts, &Vector3::zeros()).expect("a verified answer")
 }
 
-fn balance(contacts: &[ContactForce], external: &Vector6<f64>, limit: NormalForces) -> Option<Vec<BalancingForce>> {
+fn balance(contacts: &[LoadedContact], external: &Vector6<f64>, limit: NormalForces) -> Option<Vec<BalancingForce>> {
     let com = Vector3::zeros();
     let forces = equilibrium(contacts, &com, external, limit).expect("a verified answer")?;
     // Whatever was asked: the forces balance, and respect every cone and bound.
@@ -57,7 +57,7 @@ fn torque(x: f64, y: f64, z: f64) -> Vector6<f64> {
 }
 
 /// Two contacts at x = -a, a whose normals are turned by `angle` about y, the same way up.
-fn tilted(angle: f64, condim: usize, friction: [f64; 5]) -> Vec<ContactForce> {
+fn tilted(angle: f64, condim: usize, friction: [f64; 5]) -> Vec<LoadedContact> {
     [-1.0, 1.0]
         .iter()
         .map(|&side| {
@@ -233,7 +233,7 @@ fn forces_that_balance_a_wrench_are_found_to_balance_it() {
     let mut random = Random::new(51);
     for round in 0..60 {
         let condim = [1, 3, 4, 6][round % 4];
-        let contacts: Vec<ContactForce> = random
+        let contacts: Vec<LoadedContact> = random
             .grasp(1 + round % 7, condim)
             .into_iter()
             .map(|mut c| {

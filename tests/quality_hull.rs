@@ -4,8 +4,8 @@ mod quality_support;
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, ZeroConeT};
-use mujoco_grasp::grasp::hull::{ConvexHull, HullError};
-use mujoco_grasp::grasp::quality::{ferrari_canny, hull_volume, primitive_wrenches, wrench_hull};
+use mujoco_grasp::grasp::metrics::hull::{ConvexHull, HullError};
+use mujoco_grasp::grasp::metrics::quality::{ferrari_canny, hull_volume, primitive_wrenches, wrench_hull};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use quality_support::{Random, contact, equator, faces, on_sphere};
 

@@ -2,9 +2,9 @@
 
 mod quality_support;
 
-use mujoco_grasp::grasp::closure::force_closure;
-use mujoco_grasp::grasp::quality::{Gram, QualityReport, min_singular_value, report};
-use mujoco_grasp::grasp::wrench::ContactForce;
+use mujoco_grasp::grasp::metrics::closure::force_closure;
+use mujoco_grasp::grasp::metrics::quality::{Gram, QualityReport, min_singular_value, report};
+use mujoco_grasp::grasp::monitor::wrench::LoadedContact;
 use nalgebra::{Rotation3, Unit, Vector3, Vector6};
 use proptest::prelude::*;
 use quality_support::{Random, moved};
@@ -33,13 +33,13 @@ fn weight() -> Vector6<f64> {
     Vector6::new(0.0, 0.0, -1.0, 0.0, 0.0, 0.0)
 }
 
-fn grasp(seed: u64, count: usize, condim: usize) -> (Vec<ContactForce>, Vector3<f64>) {
+fn grasp(seed: u64, count: usize, condim: usize) -> (Vec<LoadedContact>, Vector3<f64>) {
     let mut random = Random::new(seed);
     let contacts = random.grasp(count, condim);
     (contacts, random.direction() * 0.01)
 }
 
-fn measure(contacts: &[ContactForce], com: &Vector3<f64>, weight: &Vector6<f64>) -> QualityReport {
+fn measure(contacts: &[LoadedContact], com: &Vector3<f64>, weight: &Vector6<f64>) -> QualityReport {
     report(contacts, com, weight).expect("a valid grasp")
 }
 
@@ -84,7 +84,7 @@ proptest! {
         let (contacts, com) = grasp(seed, count, condim);
         let harder: Vec<_> = contacts
             .iter()
-            .map(|c| ContactForce { normal_force: c.normal_force * factor, force: c.force * factor, ..*c })
+            .map(|c| LoadedContact { normal_force: c.normal_force * factor, force: c.force * factor, ..*c })
             .collect();
         same(
             &measure(&contacts, &com, &weight()),
@@ -104,7 +104,7 @@ proptest! {
             .map(|c| {
                 let [a, b, spin, roll, roll2] = c.friction;
                 let friction = [a, b, spin * factor, roll * factor, roll2 * factor];
-                ContactForce { position: c.position * factor, friction, ..*c }
+                LoadedContact { position: c.position * factor, friction, ..*c }
             })
             .collect();
         same(
@@ -127,10 +127,10 @@ proptest! {
             .iter()
             .map(|c| {
                 let turn = Rotation3::from_axis_angle(&Unit::new_normalize(c.normal), angle);
-                ContactForce { tangents: c.tangents.map(|t| turn * t), ..*c }
+                LoadedContact { tangents: c.tangents.map(|t| turn * t), ..*c }
             })
             .collect();
-        let q = |contacts: &[ContactForce]| min_singular_value(contacts, &com).expect("a valid grasp");
+        let q = |contacts: &[LoadedContact]| min_singular_value(contacts, &com).expect("a valid grasp");
         prop_assert!((q(&contacts) - q(&spun)).abs() <= 1e-9 * (1.0 + q(&contacts)));
         prop_assert_eq!(
             force_closure(&contacts, &com).expect("a valid grasp"),
@@ -144,7 +144,7 @@ proptest! {
     ) {
         // G G' grows in every direction.
         let (mut contacts, com) = grasp(seed, count, 4);
-        let all = |contacts: &[ContactForce]| {
+        let all = |contacts: &[LoadedContact]| {
             let mut gram = Gram::new(com, 0.03);
             contacts.iter().for_each(|c| gram.add(c));
             gram.min_singular_value()

@@ -2,8 +2,8 @@
 
 mod quality_support;
 
-use mujoco_grasp::grasp::quality::{QualityError, report};
-use mujoco_grasp::grasp::wrench::{ContactError, ContactForce};
+use mujoco_grasp::grasp::metrics::quality::{QualityError, report};
+use mujoco_grasp::grasp::monitor::wrench::{ContactError, LoadedContact};
 use nalgebra::{Vector3, Vector6};
 use quality_support::{contact, equator, on_sphere};
 
@@ -81,14 +81,14 @@ fn many_contacts_on_flat_faces_as_boxes_give_them() {
 fn faults_name_the_contact_and_what_would_be_right() {
     let sound = contact(Vector3::x(), -Vector3::x(), 4, SOFT, 1.0);
     let nan = f64::NAN;
-    let cases: [(ContactForce, &str); 7] = [
-        (ContactForce { normal_force: -1.0, ..sound }, "it must be 0 or more"),
-        (ContactForce { normal_force: nan, ..sound }, "its normal force is not finite"),
-        (ContactForce { condim: 2, ..sound }, "condim is 2; it must be 1, 3, 4 or 6"),
-        (ContactForce { normal: Vector3::x() * 1.1, ..sound }, "not orthonormal"),
-        (ContactForce { friction: [0.5, -0.5, 0.0, 0.0, 0.0], ..sound }, "coefficient 1 is -0.5"),
-        (ContactForce { friction: [0.5, 0.5, nan, 0.0, 0.0], ..sound }, "its friction is not finite"),
-        (ContactForce { position: Vector3::repeat(nan), ..sound }, "its position is not finite"),
+    let cases: [(LoadedContact, &str); 7] = [
+        (LoadedContact { normal_force: -1.0, ..sound }, "it must be 0 or more"),
+        (LoadedContact { normal_force: nan, ..sound }, "its normal force is not finite"),
+        (LoadedContact { condim: 2, ..sound }, "condim is 2; it must be 1, 3, 4 or 6"),
+        (LoadedContact { normal: Vector3::x() * 1.1, ..sound }, "not orthonormal"),
+        (LoadedContact { friction: [0.5, -0.5, 0.0, 0.0, 0.0], ..sound }, "coefficient 1 is -0.5"),
+        (LoadedContact { friction: [0.5, 0.5, nan, 0.0, 0.0], ..sound }, "its friction is not finite"),
+        (LoadedContact { position: Vector3::repeat(nan), ..sound }, "its position is not finite"),
     ];
     for (bad, expected) in cases {
         let fault = report(&[sound, bad], &Vector3::zeros(), &weight(1.0)).expect_err(expected);
@@ -97,7 +97,7 @@ fn faults_name_the_contact_and_what_would_be_right() {
         assert!(matches!(fault, QualityError::Contact(_)));
     }
     // Coefficients beyond the condim are not looked at.
-    let hard = ContactForce { condim: 3, friction: [0.5, 0.5, nan, nan, nan], ..sound };
+    let hard = LoadedContact { condim: 3, friction: [0.5, 0.5, nan, nan, nan], ..sound };
     assert!(report(&[hard], &Vector3::zeros(), &weight(1.0)).is_ok());
     assert!(matches!(hard.check(0), Ok::<(), ContactError>(())));
     let com = Vector3::new(0.0, nan, 0.0);

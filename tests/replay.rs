@@ -7,7 +7,7 @@ mod claw;
 
 use bits::{Format, bits, through};
 use claw::Claw;
-use mujoco_grasp::grasp::{Grasp, GraspSpec, Limits, Phase, Snapshot, step, weld_xml};
+use mujoco_grasp::grasp::{Grasp, GraspId, GraspSpec, Grasps, Limits, Phase, Snapshot, weld_xml};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use nalgebra::Vector3;
 
@@ -53,10 +53,10 @@ impl Scene {
     }
 
     /// A simulation that has never made a step.
-    fn fresh(&self) -> (Simulation, Vec<Grasp>) {
+    fn fresh(&self) -> (Simulation, Grasps) {
         let sim = Simulation::new(&self.model).expect("a simulation");
-        let grasp = Grasp::new(&sim, &self.spec(&sim)).expect("a grasp");
-        (sim, vec![grasp])
+        let grasps = Grasps::of(&sim, &self.spec(&sim)).expect("a grasp");
+        (sim, grasps)
     }
 
     fn spec(&self, sim: &Simulation) -> GraspSpec {
@@ -75,11 +75,11 @@ impl Scene {
         }
     }
 
-    fn run(&self, (sim, grasps): (&mut Simulation, &mut [Grasp]), open: &[f64], steps: std::ops::Range<usize>) -> Log {
+    fn run(&self, (sim, grasps): (&mut Simulation, &mut Grasps), open: &[f64], steps: std::ops::Range<usize>) -> Log {
         steps
             .map(|k| {
                 self.act(k, sim, open);
-                step(sim, grasps).expect("a step");
+                grasps.step(sim).expect("a step");
                 bits(sim, grasps)
             })
             .collect()
@@ -148,9 +148,9 @@ fn replays_from_every_moment(scene: &Scene, needed: &[Moment]) {
     let mut snapshots = vec![(0, Moment::Ungrasped, Snapshot::take(&sim, &grasps))];
     let mut log = Log::new();
     for k in 0..STEPS {
-        let before = grasps[0].phase();
+        let before = grasps[GraspId::FIRST].phase();
         log.extend(scene.run((&mut sim, &mut grasps), &open, k..k + 1));
-        let now = moment(&grasps[0], before);
+        let now = moment(&grasps[GraspId::FIRST], before);
         if k % 47 == 0 || matches!(now, Moment::Latching | Moment::Released) {
             snapshots.push((k + 1, now, Snapshot::take(&sim, &grasps)));
         }
@@ -226,11 +226,11 @@ fn ten_thousand_steps_go_on_from_the_middle_bit_for_bit() {
         }
     }
     let scene = Scene { push, open_at: 9_500, ..Scene::new("story", &[], Limits::Cones) };
-    let run = |sim: &mut Simulation, grasps: &mut [Grasp], open: &[f64], steps: std::ops::Range<usize>| -> Log {
+    let run = |sim: &mut Simulation, grasps: &mut Grasps, open: &[f64], steps: std::ops::Range<usize>| -> Log {
         let one = |k: usize| {
             // given up once in each cycle; it latches again by itself
             if k % CYCLE == 900 {
-                grasps[0].release();
+                grasps[GraspId::FIRST].release();
             }
             scene.run((&mut *sim, &mut *grasps), open, k..k + 1).remove(0)
         };
@@ -246,12 +246,12 @@ fn ten_thousand_steps_go_on_from_the_middle_bit_for_bit() {
         if k == MIDDLE {
             snapshot = Some(Snapshot::take(&sim, &grasps));
             copy = Some((sim.clone(), grasps.clone()));
-            assert_eq!(moment(&grasps[0], grasps[0].phase()), Moment::Sliding);
+            assert_eq!(moment(&grasps[GraspId::FIRST], grasps[GraspId::FIRST].phase()), Moment::Sliding);
         }
-        let before = grasps[0].phase();
+        let before = grasps[GraspId::FIRST].phase();
         log.extend(run(&mut sim, &mut grasps, &open, k..k + 1));
         let half = usize::from(k >= MIDDLE);
-        match moment(&grasps[0], before) {
+        match moment(&grasps[GraspId::FIRST], before) {
             Moment::Latching => latches[half] += 1,
             Moment::Released => releases[half] += 1,
             Moment::Sliding => slipping[half] += 1,
@@ -260,7 +260,7 @@ fn ten_thousand_steps_go_on_from_the_middle_bit_for_bit() {
     }
     println!("latched {latches:?} times, released {releases:?} by itself, {slipping:?} steps of slip");
     assert!(latches.iter().all(|n| *n >= 4) && slipping.iter().all(|n| *n >= 50) && releases[1] >= 1);
-    assert!(sim.body_com(grasps[0].target()).z < 0.1, "the ball was not dropped");
+    assert!(sim.body_com(grasps[GraspId::FIRST].target()).z < 0.1, "the ball was not dropped");
 
     let snapshot = through(Format::Json, &snapshot.expect("a snapshot"));
     let (mut fresh_sim, mut fresh_grasps) = scene.fresh();
@@ -310,21 +310,25 @@ fn two_hands_on_one_object_go_on_alike() {
         sim.ctrl_mut().copy_from_slice(&[0.0, 0.012, 0.012, 0.0, 0.012, 0.012]);
         let body = |name| sim.model().body(name).expect("a body");
         let spec = |palm| GraspSpec::new(body("bar"), body(palm));
-        let grasps = ["left", "right"].map(|palm| Grasp::new(&sim, &spec(palm)).expect("a grasp"));
+        let mut grasps = Grasps::new();
+        for palm in ["left", "right"] {
+            grasps.add(&sim, &spec(palm)).expect("a grasp");
+        }
         (sim, grasps)
     };
     // steps of both, from `from` on: the right one is late, the left one lets go, and all the while something pulls
-    let run = |sim: &mut Simulation, grasps: &mut [Grasp], from: usize, to: usize| -> Vec<Vec<u64>> {
+    let run = |sim: &mut Simulation, grasps: &mut Grasps, from: usize, to: usize| -> Vec<Vec<u64>> {
         let bar = sim.model().body("bar").expect("a body");
+        let right = grasps.ids().nth(1).expect("two grasps");
         let one = |k: usize| {
-            grasps[1].allow_latch(k > 300);
+            grasps[right].allow_latch(k > 300);
             if k == 600 {
-                grasps[0].release();
-                grasps[0].allow_latch(false);
+                grasps[GraspId::FIRST].release();
+                grasps[GraspId::FIRST].allow_latch(false);
             }
             let pull = Vector3::new(0.5 * (0.01 * k as f64).sin(), 0.0, -0.5);
             sim.set_body_wrench(bar, &pull, &Vector3::zeros()).expect("a wrench");
-            step(sim, grasps).expect("a step");
+            grasps.step(sim).expect("a step");
             bits(sim, grasps)
         };
         (from..to).map(one).collect()
@@ -337,7 +341,7 @@ fn two_hands_on_one_object_go_on_alike() {
         (650, [Phase::Ungrasped, Phase::Grasped]),
     ] {
         log.extend(run(&mut sim, &mut grasps, log.len(), k));
-        assert_eq!([grasps[0].phase(), grasps[1].phase()], phases, "step {k}");
+        assert_eq!(grasps.iter().map(Grasp::phase).collect::<Vec<_>>(), phases, "step {k}");
         let snapshot = through(Format::Json, &Snapshot::take(&sim, &grasps));
         let (mut fresh_sim, mut fresh_grasps) = start();
         snapshot.restore(&mut fresh_sim, &mut fresh_grasps).expect("a restored state");

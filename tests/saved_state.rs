@@ -8,7 +8,7 @@ mod claw;
 
 use bits::{Format, bits, through};
 use claw::Claw;
-use mujoco_grasp::grasp::{self, Error, Grasp, GraspSpec, GraspState, Limits, Phase, Snapshot};
+use mujoco_grasp::grasp::{self, Error, Grasp, GraspId, GraspSpec, Grasps, GraspsState, Limits, Phase, Snapshot};
 use mujoco_grasp::mujoco::{Clearance, GeomId, Model, PairCollider, Simulation, State};
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -39,13 +39,13 @@ fn held(model: &Model) -> Claw {
     claw
 }
 
-fn fresh(model: &Model, change: impl Fn(&mut GraspSpec)) -> (Simulation, Vec<Grasp>) {
+fn fresh(model: &Model, change: impl Fn(&mut GraspSpec)) -> (Simulation, Grasps) {
     let sim = Simulation::new(model).expect("a simulation");
     let body = |name| sim.model().body(name).expect("a body");
     let mut spec = GraspSpec::new(body("object"), body("palm"));
     change(&mut spec);
-    let grasp = Grasp::new(&sim, &spec).expect("a grasp");
-    (sim, vec![grasp])
+    let grasps = Grasps::of(&sim, &spec).expect("a grasp");
+    (sim, grasps)
 }
 
 fn numbers<'a>(value: &'a mut Value, out: &mut Vec<&'a mut Value>) {
@@ -73,7 +73,7 @@ fn sample() -> &'static Value {
     static SAMPLE: OnceLock<Value> = OnceLock::new();
     SAMPLE.get_or_init(|| {
         let claw = held(&model(&[(DEFAULT_JOINT, FRICTION_LOSS)]));
-        serde_json::to_value(claw.grasp().save()).expect("a value")
+        serde_json::to_value(claw.grasps.save()).expect("a value")
     })
 }
 
@@ -98,18 +98,18 @@ proptest! {
         for (place, x) in places.into_iter().zip(values.iter().cycle()) {
             *place = Value::from(*x);
         }
-        let state: GraspState = serde_json::from_value(value).expect("a state");
+        let state: GraspsState = serde_json::from_value(value).expect("a state");
         let text = serde_json::to_string(&state).expect("JSON");
-        let read: GraspState = serde_json::from_str(&text).expect("the same from JSON");
+        let read: GraspsState = serde_json::from_str(&text).expect("the same from JSON");
         prop_assert_eq!(float_bits(&read), float_bits(&state));
     }
 }
 
 const CHILD: &str = "MUJOCO_GRASP_TEST_SNAPSHOT";
 
-fn go_on(sim: &mut Simulation, grasps: &mut [Grasp]) -> Vec<Vec<u64>> {
+fn go_on(sim: &mut Simulation, grasps: &mut Grasps) -> Vec<Vec<u64>> {
     let one = |_| {
-        grasp::step(sim, grasps).expect("a step");
+        grasps.step(sim).expect("a step");
         bits(sim, grasps)
     };
     (0..200).map(one).collect()
@@ -167,7 +167,7 @@ fn a_collision_stage_left_out_or_not_gives_the_same_bits() {
         let snapshot = Snapshot::take(&claw.sim, &claw.grasps);
         let (mut sim, mut grasps) = fresh(&model, |_| {});
         snapshot.restore(&mut sim, &mut grasps).expect("a restored state");
-        grasp::step(&mut sim, &mut grasps).expect("a step");
+        grasps.step(&mut sim).expect("a step");
         claw.step();
         let left_out = [watch(&sim).certifies(&sim), going_on.certifies(&claw.sim)];
         let [fresh, going_on] = left_out.map(|certain| usize::from(certain.expect("an answer")));
@@ -205,8 +205,8 @@ fn a_release_forgets_the_last_latched_step() {
         });
         claw.run(0.2);
         assert_eq!(claw.grasp().phase(), Phase::Grasped);
-        claw.grasps[0].release();
-        claw.grasps[0].restore_settings(&mut claw.sim).expect("the user's settings");
+        claw.grasps[GraspId::FIRST].release();
+        claw.grasps.restore_settings(&mut claw.sim).expect("the user's settings");
         let spec = |spec: &mut GraspSpec| spec.limits = limits;
         let mut other = claw.clone();
         other.grasps = fresh(&model, spec).1;
@@ -216,13 +216,13 @@ fn a_release_forgets_the_last_latched_step() {
             assert!(bits(&claw.sim, &claw.grasps)[1..] == bits(&other.sim, &other.grasps)[1..], "{limits:?}: step {k}");
         }
         assert_eq!(claw.grasp().phase(), Phase::Grasped);
-        assert_eq!(claw.grasp().save(), other.grasp().save());
+        assert_eq!(claw.grasps.save(), other.grasps.save());
     }
 }
 
 /// Refuses with a message that has `says` in it, and changes nothing.
 #[track_caller]
-fn refused(snapshot: &Snapshot, (sim, grasps): (&mut Simulation, &mut [Grasp]), says: &str) {
+fn refused(snapshot: &Snapshot, (sim, grasps): (&mut Simulation, &mut Grasps), says: &str) {
     let before = Snapshot::take(sim, grasps);
     let error = snapshot.restore(sim, grasps).expect_err("an error");
     assert!(error.to_string().contains(says), "\"{error}\" does not say \"{says}\"");
@@ -254,8 +254,8 @@ fn states_of_something_else_are_refused() {
         let (mut sim, mut grasps) = fresh(&plain, change);
         refused(&snapshot, (&mut sim, &mut grasps), says);
     }
-    let (mut sim, mut grasps) = fresh(&plain, |_| {});
-    refused(&snapshot, (&mut sim, &mut grasps[..0]), "number of grasps");
+    let (mut sim, _) = fresh(&plain, |_| {});
+    refused(&snapshot, (&mut sim, &mut Grasps::new()), "number of grasps");
     let mut short = snapshot.clone();
     short.sim.qpos.pop();
     refused(&short, (&mut claw.sim, &mut claw.grasps), "qpos");
@@ -269,27 +269,27 @@ fn states_of_something_else_are_refused() {
 fn damaged_states_are_refused() {
     let model = model(&[(DEFAULT_JOINT, FRICTION_LOSS)]);
     let mut claw = held(&model);
-    let sound = serde_json::to_value(claw.grasp().save()).expect("a value");
+    let sound = serde_json::to_value(claw.grasps.save()).expect("a value");
     let mut restore = |damage: &dyn Fn(&mut Value)| {
         let mut value = sound.clone();
         damage(&mut value);
-        let state: GraspState = serde_json::from_value(value).expect("a state");
-        let before = claw.grasp().save();
-        let result = claw.grasps[0].restore(&state);
-        assert!(result.is_ok() || claw.grasp().save() == before, "something was changed");
+        let state: GraspsState = serde_json::from_value(value).expect("a state");
+        let before = claw.grasps.save();
+        let result = claw.grasps.restore(&state);
+        assert!(result.is_ok() || claw.grasps.save() == before, "something was changed");
         result
     };
     assert!(restore(&|_| {}).is_ok());
     type Damage<'a> = (&'a str, &'a dyn Fn(&mut Value));
     let damages: [Damage; 7] = [
-        ("time of good", &|state| state["good_for"] = Value::from(-1.0)),
-        ("contacts", &|state| state["contacts"][0]["geoms"][1] = Value::from(9999)),
-        ("constraints", &|state| state["neighbours"][0]["rows"] = Value::from(7)),
-        ("constraints", &|state| state["neighbours"][0]["rows"] = Value::from(0)),
-        ("memory", &|state| state["phase"] = Value::from("ungrasped")),
+        ("time of good", &|state| state["grasps"][0]["counted"] = Value::from(-1.0)),
+        ("contacts", &|state| state["grasps"][0]["contacts"][0]["geoms"][1] = Value::from(9999)),
+        ("constraints", &|state| state["grasps"][0]["coupled"][0]["rows"] = Value::from(7)),
+        ("constraints", &|state| state["grasps"][0]["coupled"][0]["rows"] = Value::from(0)),
+        ("memory", &|state| state["grasps"][0]["phase"] = Value::from("ungrasped")),
         ("merged", &|state| {
             let zero = serde_json::json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-            state["merged"] = serde_json::json!({
+            state["grasps"][0]["merged"] = serde_json::json!({
                 "contacts": [], "wrench": zero, "bounds": { "force": 0.0, "torque": 0.0 }
             });
         }),
@@ -305,14 +305,16 @@ fn damaged_states_are_refused() {
     }
     // infinity has no JSON, but other formats have it
     let mut bytes = Vec::new();
-    ciborium::into_writer(&claw.grasp().save(), &mut bytes).expect("CBOR");
+    ciborium::into_writer(&claw.grasps.save(), &mut bytes).expect("CBOR");
     let mut value: ciborium::Value = ciborium::from_reader(bytes.as_slice()).expect("a value");
     let fields = value.as_map_mut().expect("fields");
+    let list = fields.iter_mut().find(|(key, _)| key.as_text() == Some("grasps")).expect("a list");
+    let fields = list.1.as_array_mut().expect("grasps")[0].as_map_mut().expect("fields");
     let warm = fields.iter_mut().find(|(key, _)| key.as_text() == Some("warm_start")).expect("a warm start");
     warm.1.as_array_mut().expect("passes")[0].as_array_mut().expect("numbers")[0] =
         ciborium::Value::Float(f64::INFINITY);
-    let state: GraspState = value.deserialized().expect("a state");
-    assert!(matches!(claw.grasps[0].restore(&state), Err(Error::BadState("warm start"))));
+    let state: GraspsState = value.deserialized().expect("a state");
+    assert!(matches!(claw.grasps.restore(&state), Err(Error::BadState("warm start"))));
 }
 
 /// The settings that a merged grasp changes are given back, whichever way its state has come.
@@ -331,13 +333,13 @@ fn settings_come_back_after_a_restored_merged_grasp() {
     // into a fresh simulation, a copy of this one with a new grasp, and this one itself
     let (mut sim, mut grasps) = fresh(&model, spec);
     latched.restore(&mut sim, &mut grasps).expect("a restored state");
-    grasp::step(&mut sim, &mut grasps).expect("a step");
+    grasps.step(&mut sim).expect("a step");
     assert_eq!(sim.model().noslip_iterations(), 0);
     let copy = (claw.sim.clone(), fresh(&model, spec).1);
     for (mut sim, mut grasps) in [(sim, grasps), copy] {
         latched.restore(&mut sim, &mut grasps).expect("a restored state");
-        grasps[0].release();
-        grasp::step(&mut sim, &mut grasps).expect("a step");
+        grasps[GraspId::FIRST].release();
+        grasps.step(&mut sim).expect("a step");
         assert_eq!(sim.model().noslip_iterations(), user);
     }
     ungrasped.restore(&mut claw.sim, &mut claw.grasps).expect("a restored state");

@@ -273,7 +273,7 @@ fn a_scenario_runs_with_any_limits() {
         for limits in [Limits::Box, Limits::Rigid] {
             let plan = Plan::load_with(scenario, Some(limits)).unwrap();
             let runner = Runner::new(&plan, Mode::Grasp, None).unwrap();
-            assert_eq!(runner.grasps()[0].limits(), limits, "{scenario}");
+            assert_eq!(runner.grasp().limits(), limits, "{scenario}");
         }
     }
 }

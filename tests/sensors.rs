@@ -5,7 +5,7 @@
 mod claw;
 
 use claw::Claw;
-use mujoco_grasp::grasp::{self, Phase};
+use mujoco_grasp::grasp::{Grasps, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use nalgebra::Vector3;
 
@@ -32,7 +32,7 @@ fn claw(cone: &str) -> Claw {
 fn engine(sim: &Simulation) -> Simulation {
     let mut full = sim.clone();
     full.set_noslip_iterations(200).expect("iterations");
-    grasp::step(&mut full, &mut []).expect("a step");
+    Grasps::new().step(&mut full).expect("a step");
     full
 }
 

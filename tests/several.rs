@@ -3,7 +3,7 @@
 #[path = "common/one_step.rs"]
 mod one_step;
 
-use mujoco_grasp::grasp::{self, Grasp, GraspSpec, Phase, Snapshot};
+use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase, Snapshot};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use nalgebra::Vector3;
 
@@ -105,7 +105,7 @@ fn two_hands_apart(cone: &str) -> (String, Vec<[&'static str; 2]>) {
 
 struct Hold {
     sim: Simulation,
-    grasps: Vec<Grasp>,
+    grasps: Grasps,
 }
 
 /// Closed and latched.
@@ -119,7 +119,10 @@ fn hold((xml, pairs): (String, Vec<[&'static str; 2]>)) -> Hold {
         spec
     };
     let specs: Vec<GraspSpec> = pairs.iter().map(spec).collect();
-    let grasps: Vec<Grasp> = specs.iter().map(|s| Grasp::new(&sim, s).expect("a grasp")).collect();
+    let mut grasps = Grasps::new();
+    for spec in &specs {
+        grasps.add(&sim, spec).expect("a grasp");
+    }
     for actuator in sim.model().actuators().collect::<Vec<_>>() {
         if !sim.model().label(actuator).contains("rail") {
             sim.ctrl_mut()[actuator.index()] = CLOSED;
@@ -136,7 +139,7 @@ fn hold((xml, pairs): (String, Vec<[&'static str; 2]>)) -> Hold {
 impl Hold {
     fn run(&mut self, seconds: f64) {
         for _ in 0..(seconds / self.sim.model().timestep()).round() as usize {
-            grasp::step(&mut self.sim, &mut self.grasps).expect("a step");
+            self.grasps.step(&mut self.sim).expect("a step");
         }
     }
 
@@ -149,7 +152,7 @@ impl Hold {
     /// Largest difference of a normal force from the engine's, relative to the largest of its grasp.
     fn worst_difference(&mut self) -> f64 {
         let exact = one_step::engine(&self.sim);
-        grasp::step(&mut self.sim, &mut self.grasps).expect("a step");
+        self.grasps.step(&mut self.sim).expect("a step");
         self.grasps.iter().map(|g| one_step::difference(&exact, g.contacts())).fold(0.0, f64::max)
     }
 }
@@ -197,7 +200,7 @@ fn two_hands_that_have_nothing_to_do_with_each_other() {
 fn the_order_of_the_grasps_does_not_matter() {
     for scene in [two_hands_on_a_bar, one_hand_on_two_cubes, two_hands_of_one_body] {
         let mut one = hold(scene("elliptic"));
-        let mut other = Hold { sim: one.sim.clone(), grasps: one.grasps.iter().rev().cloned().collect() };
+        let mut other = turned_round(&one);
         for push in PUSHES {
             for hold in [&mut one, &mut other] {
                 hold.push(push);
@@ -207,6 +210,20 @@ fn the_order_of_the_grasps_does_not_matter() {
             assert!(worst < 1e-7, "{push:?}: {worst}");
         }
     }
+}
+
+/// The same with the grasps in the opposite order.
+fn turned_round(hold: &Hold) -> Hold {
+    let mut grasps = Grasps::new();
+    for grasp in hold.grasps.iter().rev() {
+        let mut spec = GraspSpec::new(grasp.target(), grasp.palm());
+        spec.latch_quality = Some(grasp.latch_quality());
+        grasps.add(&hold.sim, &spec).expect("a grasp");
+    }
+    let mut state = serde_json::to_value(hold.grasps.save()).expect("a value");
+    state["grasps"].as_array_mut().expect("a list").reverse();
+    grasps.restore(&serde_json::from_value(state).expect("a state")).expect("the same grasps");
+    Hold { sim: hold.sim.clone(), grasps }
 }
 
 /// As one hand opens, the other's grasp goes on.
@@ -220,6 +237,8 @@ fn one_hand_opens_and_the_other_keeps_hold() {
             hold.sim.ctrl_mut()[actuator.index()] = -0.01;
         }
         hold.run(0.5);
+        let ids: Vec<GraspId> = hold.grasps.ids().collect();
+        let (opens, keeps) = (ids[opens], ids[keeps]);
         assert_eq!(hold.grasps[opens].phase(), Phase::Ungrasped);
         assert!(hold.grasps[opens].contacts().is_empty());
         assert_eq!(hold.grasps[keeps].phase(), Phase::Grasped);
@@ -243,7 +262,7 @@ fn two_grasps_replay_bit_for_bit() {
         snapshot.restore(&mut second.sim, &mut second.grasps).expect("the same scene");
         for _ in 0..200 {
             for hold in [&mut first, &mut second] {
-                grasp::step(&mut hold.sim, &mut hold.grasps).expect("a step");
+                hold.grasps.step(&mut hold.sim).expect("a step");
             }
             let bits = |x: &[f64]| -> Vec<u64> { x.iter().map(|x| x.to_bits()).collect() };
             assert_eq!(bits(first.sim.qpos()), bits(second.sim.qpos()));

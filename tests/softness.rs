@@ -1,9 +1,9 @@
 //! The grasp's contact softness against the engine's own rows: `R`, stiffness, damping, reference acceleration and
 //! force, contact by contact, on random scenes. What the grasp layer replaces has to be what MuJoCo solves.
 
-use mujoco_grasp::grasp::cone::{Law, Zone};
-use mujoco_grasp::grasp::softness::{ConeKind, Softness, SolverOptions, softness};
-use mujoco_grasp::grasp::{Grasp, GraspContact, GraspSpec};
+use mujoco_grasp::grasp::contact::cost::{ActiveSet, Cost};
+use mujoco_grasp::grasp::contact::softness::{ConeKind, Softness, SolverOptions, softness};
+use mujoco_grasp::grasp::{GraspContact, GraspId, GraspSpec, Grasps};
 use mujoco_grasp::mujoco::{Cone, Contact, DISABLE_REFSAFE, JacobianStorage, Model, Simulation, Solver};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
@@ -168,14 +168,14 @@ fn assert_exact(what: &str, ours: f64, engine: f64, scale: f64, context: &dyn Fn
 }
 
 /// The regularisation of the engine's rows that a law stands for.
-fn regularisations(law: &Law, rows: usize) -> Vec<f64> {
+fn regularisations(law: &Cost, rows: usize) -> Vec<f64> {
     match *law {
-        Law::Unilateral { stiffness } | Law::Pyramidal { stiffness, .. } => vec![1.0 / stiffness; rows],
-        Law::Elliptic { stiffness, cone, friction } => {
+        Cost::Unilateral { stiffness } | Cost::Pyramidal { stiffness, .. } => vec![1.0 / stiffness; rows],
+        Cost::Elliptic { stiffness, cone, friction } => {
             let friction_row = |j: usize| cone * cone / (friction[j] * friction[j]);
             (0..rows).map(|j| if j == 0 { 1.0 } else { friction_row(j - 1) } / stiffness).collect()
         }
-        Law::Slip { .. } | Law::Bounded { .. } | Law::Still => {
+        Cost::Slip { .. } | Cost::Bounded { .. } | Cost::Still => {
             panic!("not the law of a contact in MuJoCo's main solve")
         }
     }
@@ -193,7 +193,7 @@ fn row_count(condim: usize, cone: ConeKind) -> usize {
 fn assert_rows(sim: &Simulation, contact: &Contact, soft: &Softness, cone: ConeKind, context: &dyn Fn() -> String) {
     let first = contact.efc_address.expect("a contact in the solve has rows");
     let rows = row_count(contact.condim, cone);
-    let expected = regularisations(&soft.law, rows);
+    let expected = regularisations(&soft.cost, rows);
     for (j, r) in expected.iter().enumerate() {
         let row = first + j;
         assert_exact("R", *r, sim.efc_R()[row], 0.0, context);
@@ -230,7 +230,7 @@ fn assert_force(
     soft: &Softness,
     cone: ConeKind,
     context: &dyn Fn() -> String,
-) -> Zone {
+) -> ActiveSet {
     let first = contact.efc_address.expect("a contact in the solve has rows");
     let rows = row_count(contact.condim, cone);
     let (jar, scale) = residual(sim, first, rows);
@@ -247,23 +247,23 @@ fn assert_force(
     } else {
         (jar, sim.efc_force()[first..first + rows].to_vec())
     };
-    let response = soft.law.respond(&jar);
+    let response = soft.cost.respond(&jar);
     let ours = response.force;
     // the engine updates its residuals from step to step of its solver: that rounding, through 1 / R
-    let stiffest = regularisations(&soft.law, rows).into_iter().fold(0.0f64, |m, r| m.max(1.0 / r));
+    let stiffest = regularisations(&soft.cost, rows).into_iter().fold(0.0f64, |m, r| m.max(1.0 / r));
     let largest = contact.friction.iter().fold(1.0f64, |m, mu| m.max(*mu));
     for (j, f) in engine.iter().enumerate() {
         let tolerance = 1e-9 * scale * stiffest * largest * largest;
         assert!((ours[j] - f).abs() <= tolerance, "force {j}: {ours:?} is not {engine:?}\n{}", context());
     }
-    response.zone
+    response.active_set
 }
 
 fn grasp_contacts(sim: &Simulation) -> Vec<GraspContact> {
     let [target, palm] = ["target", "palm"].map(|name| sim.model().body(name).unwrap());
-    let mut grasp = Grasp::new(sim, &GraspSpec::new(target, palm)).unwrap();
-    grasp.monitor(sim).unwrap();
-    grasp.contacts().to_vec()
+    let mut grasps = Grasps::of(sim, &GraspSpec::new(target, palm)).unwrap();
+    grasps.monitor(sim).unwrap();
+    grasps[GraspId::FIRST].contacts().to_vec()
 }
 
 #[test]
@@ -286,7 +286,7 @@ fn rows_and_forces_are_the_engines() {
             assert_rows(&sim, &engine, &soft, options.cone, &context);
             if sim.model().solver() == Solver::Newton {
                 let zone = match assert_force(&sim, &engine, &soft, options.cone, &context) {
-                    Zone::Facet(_) => "Facet".to_owned(),
+                    ActiveSet::Facet(_) => "Facet".to_owned(),
                     zone => format!("{zone:?}"),
                 };
                 count(format!("{:?} law: {zone}", options.cone));

@@ -3,25 +3,25 @@
 mod latched;
 mod saved;
 
-use super::contacts::{ContactSet, GraspContact};
-use super::detector::Detector;
+use super::cones::coupled::CoupledConstraints;
+use super::cones::solve::{GraspSolver, SolveStatus};
+use super::contact::contacts::{ContactSet, GraspContact};
+use super::contact::softness::SolverOptions;
 use super::error::Error;
-use super::hand::find_hand;
-use super::merged_solve::MergedSolver;
-use super::neighbours::Neighbours;
-use super::phase::{Observation, Phase, PhaseMachine};
-use super::quality::Gram;
-use super::solve::{GraspSolver, SolveStatus};
-use super::spec::{GraspSpec, Limits, palm_of, thresholds};
+use super::hand::search::find_hand;
+use super::hand::topology::{Topology, Tree, is_ancestor};
+use super::monitor::detector::Detector;
+use super::monitor::gram::Gram;
+use super::monitor::phase::{Phase, PhaseMachine};
+use super::monitor::wrench::LoadedContact;
+use super::spec::{GraspSpec, Limits, palm_of, thresholds, weight};
 use super::state::Identity;
-use super::step::GraspForce;
-use super::topology::{Topology, Tree, is_ancestor};
-use super::weld::{self, Settings};
-use super::wrench::ContactForce;
+use super::weld::rows;
+use super::weld::solve::MergedSolver;
 use crate::mujoco::{BodyId, EqualityId, Integrator, Simulation};
 use nalgebra::Vector3;
 
-/// Controller and monitor of one grasp.
+/// Controller and monitor of one grasp; see [`Grasps`](super::Grasps).
 #[derive(Clone, Debug)]
 pub struct Grasp {
     target: BodyId,
@@ -30,7 +30,6 @@ pub struct Grasp {
     is_link: Vec<bool>,
     limits: Limits,
     merged: Option<(EqualityId, MergedSolver)>,
-    settings: Option<Settings>,
     latch_quality: f64,
     release_quality: f64,
     machine: PhaseMachine,
@@ -39,21 +38,17 @@ pub struct Grasp {
     set: ContactSet,
     gram: Gram,
     solver: GraspSolver,
-    neighbours: Neighbours,
+    coupled: CoupledConstraints,
     status: SolveStatus,
-    live: Vec<ContactForce>,
-    force: GraspForce,
+    live: Vec<LoadedContact>,
     identity: Identity,
 }
 
 impl Grasp {
-    /// Checks a grasp against the model and prepares it.
-    ///
-    /// # Errors
-    /// No hand or several, where neither palm nor effectors are given; a target that is static or part of the hand, effectors that are the target or outside the hand, thresholds that
-    /// are not positive and ordered, or an integrator whose step cannot be taken apart (RK4).
-    pub fn new(sim: &Simulation, spec: &GraspSpec) -> Result<Grasp, Error> {
+    /// Checks a grasp against the model and prepares it; see [`Grasps::add`](super::Grasps::add).
+    pub(super) fn new(sim: &Simulation, spec: &GraspSpec) -> Result<Grasp, Error> {
         let model = sim.model();
+        spec.check_bodies(model.nbody())?;
         let name = |body: BodyId| model.label(body);
         let parents = model.body_parentid();
         if model.integrator() == Integrator::Rk4 {
@@ -98,16 +93,15 @@ impl Grasp {
         if links.is_empty() {
             return Err(Error::NoEffectors(name(palm)));
         }
-        let weight = model.body_subtreemass()[spec.target.index()] * model.gravity().norm();
         let merged = match spec.limits {
             Limits::Cones => None,
             Limits::Box | Limits::Rigid => {
-                let weld = weld::find(sim, &topology, spec.limits, &name(spec.target))?;
+                let weld = rows::find(sim, &topology, spec.limits, &name(spec.target))?;
                 let (limits, relaxed, axes) = (spec.limits, spec.relaxed, spec.axes);
                 Some((weld, MergedSolver::new(model, &topology, spec.target, limits, relaxed, axes)))
             }
         };
-        let (latch_quality, release_quality) = thresholds(spec, weight)?;
+        let (latch_quality, release_quality) = thresholds(spec, weight(model, spec.target))?;
         let mut is_link = vec![false; parents.len()];
         for link in &links {
             is_link[link.index()] = true;
@@ -122,19 +116,17 @@ impl Grasp {
             is_link,
             limits: spec.limits,
             merged,
-            settings: None,
             latch_quality,
             release_quality,
-            machine: PhaseMachine::new(spec.latch_time),
+            machine: PhaseMachine::new(spec.latch_time, spec.release_time),
             set: ContactSet::default(),
             gram: Gram::new(Vector3::zeros(), 0.0),
             solver: GraspSolver::new(&topology, model.dof_parentid()),
-            neighbours: Neighbours::default(),
+            coupled: CoupledConstraints::default(),
             status: SolveStatus::default(),
             topology,
             detector,
             live: Vec::new(),
-            force: GraspForce::default(),
         })
     }
 
@@ -197,7 +189,7 @@ impl Grasp {
     /// What the solver remembers of the last step means nothing in a later latch.
     fn forget(&mut self) {
         self.solver.reset();
-        self.neighbours.forget();
+        self.coupled.forget();
     }
 
     /// Live contacts of the last step between hand and target.
@@ -211,23 +203,18 @@ impl Grasp {
     }
 
     /// After a step of the engine's own solve: reads contacts and forces, and counts good time without latching.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    pub fn monitor(&mut self, sim: &Simulation) -> Result<(), Error> {
+    pub(super) fn monitor(&mut self, sim: &Simulation) -> Result<(), Error> {
         self.read_engine_contacts(sim)?;
-        let now = self.observation(sim);
-        self.machine.count(now);
+        self.machine.count_good(self.is_good(), sim.model().timestep());
         Ok(())
     }
 
     /// After an ungrasped step: reads contacts and forces, and latches when they are good.
     pub(super) fn observe_ungrasped(&mut self, sim: &Simulation) -> Result<(), Error> {
         self.read_engine_contacts(sim)?;
-        let now = self.observation(sim);
-        if self.machine.observe(now) == Phase::Grasped {
+        if self.machine.observe_ungrasped(self.is_good(), sim.model().timestep()) == Phase::Grasped {
             self.forget();
-            let options = latched::solver_options(sim);
+            let options = SolverOptions::of(sim.model());
             if let Some((_, merged)) = &mut self.merged {
                 merged.begin(sim, &self.topology, &options, self.set.contacts());
             }
@@ -235,11 +222,10 @@ impl Grasp {
         Ok(())
     }
 
-    /// After a grasped step: releases when the quality is no longer sufficient.
+    /// After a grasped step: releases when the hand has lost its hold.
     pub(super) fn observe_grasped(&mut self, sim: &Simulation) {
         self.measure(sim);
-        let now = self.observation(sim);
-        if self.machine.observe(now) == Phase::Ungrasped {
+        if self.machine.observe_grasped(self.has_hold(), sim.model().timestep()) == Phase::Ungrasped {
             self.forget();
         }
     }
@@ -247,16 +233,6 @@ impl Grasp {
     /// Slip velocities of the last step's contacts (not needed by the grasp itself).
     pub fn read_slip(&mut self, sim: &Simulation) {
         self.set.read_slip(sim);
-    }
-
-    /// Lends the buffer of the generalised force, zeroed.
-    pub(super) fn borrow_force(&mut self, nv: usize) -> GraspForce {
-        std::mem::take(&mut self.force).cleared(nv)
-    }
-
-    /// Takes the buffer back.
-    pub(super) fn return_force(&mut self, force: GraspForce) {
-        self.force = force;
     }
 
     fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {
@@ -269,16 +245,28 @@ impl Grasp {
     fn measure(&mut self, sim: &Simulation) {
         let com = sim.body_com(self.target);
         self.live.clear();
-        self.live.extend(self.set.contacts().iter().filter(|c| self.is_link[c.link]).map(|c| c.contact_force()));
+        self.live.extend(self.set.contacts().iter().filter(|c| self.is_link[c.link]).map(|c| c.loaded()));
         self.gram = Gram::of(&self.live, &com);
     }
 
-    fn observation(&self, sim: &Simulation) -> Observation {
-        Observation {
-            good: self.gram.exceeds(self.latch_quality),
-            sufficient: self.gram.exceeds(self.release_quality),
-            touching: self.set.touched_by(|link| self.is_link[link]),
-            elapsed: sim.model().timestep(),
+    /// Whether the quality is good enough to latch, with an effector that pushes on the target.
+    fn is_good(&self) -> bool {
+        self.is_touched() && self.gram.exceeds(self.latch_quality)
+    }
+
+    /// Whether a latched grasp is worth keeping. With cones that is as long as anything of the hand presses on the target,
+    /// since nothing is gained by giving the contacts back; see [`GraspSpec::release_quality`].
+    fn has_hold(&self) -> bool {
+        match self.limits {
+            Limits::Cones => {
+                let grip: f64 = self.set.contacts().iter().map(GraspContact::normal_force).sum();
+                grip > 0.0 && grip >= self.release_quality
+            }
+            Limits::Box | Limits::Rigid => self.is_touched() && self.gram.exceeds(self.release_quality),
         }
+    }
+
+    fn is_touched(&self) -> bool {
+        self.set.touched_by(|link| self.is_link[link])
     }
 }

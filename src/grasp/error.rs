@@ -56,6 +56,38 @@ pub enum Error {
         /// What would be right.
         expected: &'static str,
     },
+    /// A time that is negative or not a number.
+    #[error("{name} is {value} s; it must be a finite number, at least 0")]
+    Time {
+        /// Which time.
+        name: &'static str,
+        /// Its value \[s\].
+        value: f64,
+    },
+    /// A body that the model does not have.
+    #[error(
+        "the {role} is body number {index}, but the model has {count} bodies, numbered from 0; take ids from the model that is simulated"
+    )]
+    NoSuchBody {
+        /// Target, palm or effector.
+        role: &'static str,
+        /// Its number.
+        index: usize,
+        /// How many bodies there are.
+        count: usize,
+    },
+    /// Grasps are stepped with a simulation of another model.
+    #[error(
+        "these grasps are for another model than the simulation's: its {what} is {simulation}, theirs {grasps}; make grasps of its own for each model"
+    )]
+    OtherModel {
+        /// What differs.
+        what: &'static str,
+        /// In the model of the grasps.
+        grasps: String,
+        /// In the simulation's model.
+        simulation: String,
+    },
     /// An integrator whose step cannot be taken apart.
     #[error(
         "a grasp needs integrator Euler or implicit; the model's is RK4, which evaluates the contacts four times within a step"

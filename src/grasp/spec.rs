@@ -1,9 +1,8 @@
 //! What a user says of a grasp: who holds what, when it latches, and what stands for the contacts then.
 
-use super::error::Error;
-use super::quality;
-use super::topology::lowest_common_ancestor;
-use crate::mujoco::BodyId;
+use crate::grasp::error::Error;
+use crate::grasp::hand::topology::lowest_common_ancestor;
+use crate::mujoco::{BodyId, CompiledModel};
 use nalgebra::UnitQuaternion;
 
 /// What stands for the contacts while the grasp is latched.
@@ -39,14 +38,20 @@ pub struct GraspSpec {
     /// Links that may hold it; empty: every link below the palm.
     pub effectors: Vec<BodyId>,
     /// Base of the fingers; `None`: the lowest common ancestor of the effectors, and without any, the only hand that can
-    /// touch the target ([`find_hand`](super::find_hand)).
+    /// touch the target ([`find_hand`](crate::grasp::find_hand)).
     pub palm: Option<BodyId>,
     /// Quality at which the grasp latches, `Q_Th` \[N\]; `None`: from the target's weight.
     pub latch_quality: Option<f64>,
-    /// Quality below which it is given up, `Q_M` \[N\]; `None`: from `Q_Th`.
+    /// What a latched grasp must keep not to be given up, `Q_M` \[N\]; `None`: from `Q_Th`. With [`Limits::Cones`] the sum of
+    /// the normal forces with which the hand presses on the target: the constraint is exact while contacts open, slide and
+    /// come back, so a hand that still works on its object keeps it, whatever the quality. With [`Limits::Box`] and
+    /// [`Limits::Rigid`], whose bounds mean little in a poor grasp, the thesis's quality itself.
     pub release_quality: Option<f64>,
-    /// Simulated time for which the quality must be good before the grasp latches \[s\].
+    /// Simulated time for which the quality must be good, with contact, before the grasp latches, each time anew \[s\].
     pub latch_time: f64,
+    /// Simulated time for which it must be without [`release_quality`](Self::release_quality), or without contact, before it
+    /// is given up \[s\].
+    pub release_time: f64,
     /// What stands for the contacts.
     pub limits: Limits,
     /// Axes that may slip (x, y, z, then rotations), [`Limits::Box`] only.
@@ -57,6 +62,14 @@ pub struct GraspSpec {
 
 /// Simulated time of good quality after which a grasp latches, unless set otherwise \[s\].
 pub const DEFAULT_LATCH_TIME: f64 = 0.05;
+/// Simulated time without hold after which a grasp is given up, unless set otherwise \[s\].
+pub const DEFAULT_RELEASE_TIME: f64 = 0.05;
+/// The default `Q_Th` as a fraction of the target's weight, see [`default_latch_quality`].
+pub const LATCH_PER_WEIGHT: f64 = 0.1;
+/// The default `Q_M` as a fraction of `Q_Th`.
+pub const RELEASE_PER_LATCH: f64 = 0.25;
+/// What a target weighs where there is no gravity, per mass \[m/s^2\].
+const EARTH: f64 = 9.81;
 
 impl GraspSpec {
     /// A grasp of `target` by every link below `palm`, with all defaults; without a palm (`None`) the hand is found.
@@ -68,6 +81,7 @@ impl GraspSpec {
             latch_quality: None,
             release_quality: None,
             latch_time: DEFAULT_LATCH_TIME,
+            release_time: DEFAULT_RELEASE_TIME,
             limits: Limits::default(),
             relaxed: [true; 6],
             axes: UnitQuaternion::identity(),
@@ -81,13 +95,59 @@ pub(super) fn palm_of(parents: &[i32], effectors: &[usize]) -> usize {
     if effectors.contains(&ancestor) { parents[ancestor] as usize } else { ancestor }
 }
 
+impl GraspSpec {
+    /// That the model has all bodies.
+    pub(super) fn check_bodies(&self, count: usize) -> Result<(), Error> {
+        let named = [("target", self.target)].into_iter().chain(self.palm.map(|palm| ("palm", palm)));
+        let effectors = self.effectors.iter().map(|&effector| ("effector", effector));
+        match named.chain(effectors).find(|(_, body)| body.index() >= count) {
+            Some((role, body)) => Err(Error::NoSuchBody { role, index: body.index(), count }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What a grasp of `target` is measured by: the weight of all that hangs on it \[N\]; without gravity, what it would be on
+/// earth.
+pub fn weight(model: &CompiledModel, target: BodyId) -> f64 {
+    let gravity = if model.has_gravity() { model.gravity().norm() } else { 0.0 };
+    model.body_subtreemass()[target.index()] * if gravity > 0.0 { gravity } else { EARTH }
+}
+
+/// The default Q_Th \[N\] for a target of that weight \[N\] (see [`weight`]): a tenth of the weight.
+///
+/// The thesis records, scene by scene, the least Q at which the target stays at rest under gravity. For the grasps with
+/// closed forms that value follows from the weight W. N hard fingers around an equator carry it when `N mu f = W`; then
+/// `Q = sqrt(N) mu f = W / sqrt N`: 0.58 W for three, 0.45 W for five, 0.32 W for ten. Two soft fingers carry it when
+/// `2 mu f = W`; then `Q = 2 f mu_t / a = W mu_t / (mu a)`, with MuJoCo's default friction (1, 0.005 m) and objects up to
+/// 10 cm across (a <= 5 cm) at least W / 10. So W / 10 is the largest round threshold that all of these pass by the time
+/// they can just hold the target, and a grasp that holds with some reserve passes it clearly.
+///
+/// Lower is not dangerous: the grasp constraint keeps the cones of the contacts it replaces, so a latch too early slips
+/// like the contacts would; a latch too high never comes.
+pub fn default_latch_quality(weight: f64) -> f64 {
+    LATCH_PER_WEIGHT * weight
+}
+
+/// The default Q_M \[N\] for a given Q_Th: a quarter of it. Q is linear in the forces, so at the same contacts the
+/// fingers must have relaxed to a quarter of what latched them: wide enough that no push chatters, and passed at once
+/// when a hand opens.
+pub fn default_release_quality(latch_quality: f64) -> f64 {
+    RELEASE_PER_LATCH * latch_quality
+}
+
 /// `Q_Th` and `Q_M` \[N\], checked; `weight` of the target \[N\].
 pub(super) fn thresholds(spec: &GraspSpec, weight: f64) -> Result<(f64, f64), Error> {
-    let latch = spec.latch_quality.unwrap_or_else(|| quality::default_latch_quality(weight));
+    for (name, value) in [("latch_time", spec.latch_time), ("release_time", spec.release_time)] {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(Error::Time { name, value });
+        }
+    }
+    let latch = spec.latch_quality.unwrap_or_else(|| default_latch_quality(weight));
     if !(latch.is_finite() && latch > 0.0) {
         return Err(Error::Threshold { name: "latch_quality", value: latch, expected: "it must be a positive number" });
     }
-    let release = spec.release_quality.unwrap_or_else(|| quality::default_release_quality(latch));
+    let release = spec.release_quality.unwrap_or_else(|| default_release_quality(latch));
     if !(release >= 0.0 && release < latch) {
         return Err(Error::Threshold {
             name: "release_quality",

@@ -8,10 +8,12 @@ use super::guard;
 use super::ids::*;
 use std::ffi::{CStr, CString};
 use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// MuJoCo's compiled model: sizes, parameters (see the array methods) and names. Nothing here can change it.
 pub struct CompiledModel {
     ptr: NonNull<ffi::mjModel>,
+    compilation: u64,
 }
 
 // SAFETY: the model is plain memory owned by this value; every method that takes `&self` only reads it.
@@ -74,7 +76,8 @@ impl CompiledModel {
     /// # Safety
     /// `ptr` is a valid model that nobody else owns.
     pub(super) unsafe fn from_raw(ptr: NonNull<ffi::mjModel>) -> Self {
-        Self { ptr }
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        Self { ptr, compilation: COUNT.fetch_add(1, Ordering::Relaxed) }
     }
 
     /// A private copy.
@@ -82,9 +85,14 @@ impl CompiledModel {
         // SAFETY: a null destination makes the engine allocate a new model.
         let copy = guard::call("mj_copyModel", || unsafe { ffi::mj_copyModel(std::ptr::null_mut(), self.as_ptr()) })?;
         match NonNull::new(copy) {
-            Some(ptr) => Ok(Self { ptr }),
+            Some(ptr) => Ok(Self { ptr, compilation: self.compilation }),
             None => Err(Error::Engine { call: "mj_copyModel", message: "no model was returned".into() }),
         }
+    }
+
+    /// A number that this model and all of its copies have in common, and no other model of this process has.
+    pub(crate) fn compilation(&self) -> u64 {
+        self.compilation
     }
 
     /// The engine's structure, for reading.

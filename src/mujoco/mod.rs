@@ -62,6 +62,7 @@ pub use model::Model;
 pub use render::{Drawing, Renderer};
 pub use rows::ConstraintRow;
 pub use simulation::Simulation;
+pub(crate) use stages::{EngineStages, Hooks};
 pub use state::State;
 pub use warnings::{Warning, WarningKind};
 

@@ -21,6 +21,17 @@ pub struct Simulation {
     data: NonNull<ffi::mjData>,
     interrupted: Option<(&'static str, String)>,
     pub(super) warnings: Warnings,
+    deferred: Deferred,
+}
+
+/// Warnings that do not end a step, until its end.
+#[derive(Debug, Default)]
+enum Deferred {
+    /// Each call reports its own.
+    #[default]
+    Off,
+    /// In the midst of a step, with the gravest so far.
+    Until(Option<Error>),
 }
 
 // SAFETY: both structures are plain memory owned by this value alone; the engine keeps no pointer to them, and its
@@ -78,7 +89,9 @@ impl Simulation {
 
     fn from_parts(model: CompiledModel, data: *mut ffi::mjData, call: &'static str) -> Result<Self, Error> {
         match NonNull::new(data) {
-            Some(data) => Ok(Self { model, data, interrupted: None, warnings: Warnings::default() }),
+            Some(data) => {
+                Ok(Self { model, data, interrupted: None, warnings: Warnings::default(), deferred: Deferred::Off })
+            }
             None => {
                 let message = guard::take_texts().join("; ");
                 Err(Error::Engine { call, message: format!("no data was returned. {message}") })
@@ -147,11 +160,44 @@ impl Simulation {
         let (m, d) = (self.model.as_mut_ptr(), self.data.as_ptr());
         match guard::call(call, || f(m, d)) {
             Ok(result) => {
-                self.look_for_warnings(time)?;
+                self.look_for_warnings(time).or_else(|warning| self.defer(warning))?;
                 Ok(result)
             }
             Err(fault) => Err(self.interrupt(fault)),
         }
+    }
+
+    /// From now on warnings wait for [`take_deferred`](Self::take_deferred).
+    pub(super) fn defer_warnings(&mut self) {
+        self.deferred = Deferred::Until(None);
+    }
+
+    /// The gravest warning since [`defer_warnings`](Self::defer_warnings); calls report their own again.
+    pub(super) fn take_deferred(&mut self) -> Result<(), Error> {
+        match std::mem::take(&mut self.deferred) {
+            Deferred::Until(Some(warning)) => Err(warning),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a deferred warning tells that the engine has reset the data.
+    pub(super) fn has_diverged(&self) -> bool {
+        matches!(self.deferred, Deferred::Until(Some(Error::Diverged { .. })))
+    }
+
+    #[cold]
+    fn defer(&mut self, warning: Error) -> Result<(), Error> {
+        match &mut self.deferred {
+            Deferred::Off => return Err(warning),
+            Deferred::Until(worst @ None) => *worst = Some(warning),
+            Deferred::Until(Some(worst))
+                if matches!(warning, Error::Diverged { .. }) && !matches!(worst, Error::Diverged { .. }) =>
+            {
+                *worst = warning;
+            }
+            Deferred::Until(Some(_)) => {}
+        }
+        Ok(())
     }
 
     /// Runs an engine function that changes nothing but the caller's buffers (and, for a while, the stack).

@@ -156,20 +156,64 @@ impl Simulation {
         }
     }
 
-    /// One time step, stage by stage: the same as [`step`](Self::step) bit for bit. On an error the
-    /// rest of the step is not made.
+    /// One time step, stage by stage: the same as [`step`](Self::step) bit for bit, and with the same errors.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); [`Error::Unsupported`] for a model whose step cannot be taken apart.
     pub fn step_in_stages(&mut self) -> Result<(), Error> {
+        self.step_with(&mut EngineStages)
+    }
+
+    /// One time step of the engine, with `hooks` in the place of its contact stages. What does not end a step (full
+    /// buffers, bad controls, a reset after a bad number) is reported at its end, as [`step`](Self::step) does; any other
+    /// error ends it at once.
+    pub(crate) fn step_with<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
         self.check_staged_integrator()?;
-        let enabled = self.model().enable_flags();
-        let energy = enabled & ffi::mjENBL_ENERGY != 0;
-        self.check_pos()?;
-        self.check_vel()?;
+        self.defer_warnings();
+        let made = self.all_stages(hooks);
+        let deferred = self.take_deferred();
+        made?;
+        Ok(deferred?)
+    }
+
+    fn all_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
+        self.checked(hooks, Self::check_pos)?;
+        self.checked(hooks, Self::check_vel)?;
+        if hooks.in_stages() {
+            self.forward_in_stages(hooks)?;
+        } else {
+            self.forward()?;
+        }
+        self.checked(hooks, Self::check_acc)?;
+        if self.model().enable_flags() & ffi::mjENBL_FWDINV != 0 {
+            self.compare_forward_inverse()?;
+        }
+        hooks.observe(self)?;
+        Ok(self.integrate()?)
+    }
+
+    /// One of the engine's checks, after which it may have gone back to its initial configuration.
+    fn checked<H: Hooks>(
+        &mut self,
+        hooks: &mut H,
+        check: impl Fn(&mut Self) -> Result<(), Error>,
+    ) -> Result<(), H::Error> {
+        let before = self.has_diverged();
+        check(self)?;
+        if !before && self.has_diverged() {
+            hooks.forget();
+        }
+        Ok(())
+    }
+
+    fn forward_in_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
+        let energy = self.model().enable_flags() & ffi::mjENBL_ENERGY != 0;
         self.kinematics()?;
         self.inertia()?;
-        self.collision()?;
-        self.make_constraint()?;
+        hooks.collision(self)?;
+        hooks.make_constraint(self)?;
         self.transmission()?;
-        self.project_constraint()?;
+        hooks.project_constraint(self)?;
         self.sensor_pos()?;
         if energy {
             self.energy_pos()?;
@@ -181,12 +225,53 @@ impl Simulation {
         }
         self.actuation()?;
         self.acceleration()?;
-        self.constraint()?;
-        self.sensor_acc()?;
-        self.check_acc()?;
-        if enabled & ffi::mjENBL_FWDINV != 0 {
-            self.compare_forward_inverse()?;
-        }
-        self.integrate()
+        hooks.constraint(self)?;
+        Ok(self.sensor_acc()?)
     }
+}
+
+/// What takes the place of the engine's contact stages in one step; each method is the engine's own unless given.
+pub(crate) trait Hooks {
+    /// What can go wrong.
+    type Error: From<Error>;
+
+    /// False: there is nothing to replace, and the engine's forward dynamics run as a whole.
+    fn in_stages(&self) -> bool {
+        true
+    }
+
+    /// Collision detection.
+    fn collision(&mut self, sim: &mut Simulation) -> Result<(), Self::Error> {
+        Ok(sim.collision()?)
+    }
+
+    /// The making of constraint rows.
+    fn make_constraint(&mut self, sim: &mut Simulation) -> Result<(), Self::Error> {
+        Ok(sim.make_constraint()?)
+    }
+
+    /// What the engine's dual solvers need of the rows.
+    fn project_constraint(&mut self, sim: &mut Simulation) -> Result<(), Self::Error> {
+        Ok(sim.project_constraint()?)
+    }
+
+    /// The solve, from smooth to constrained accelerations.
+    fn constraint(&mut self, sim: &mut Simulation) -> Result<(), Self::Error> {
+        Ok(sim.constraint()?)
+    }
+
+    /// All forces and accelerations are known, and nothing has moved yet.
+    fn observe(&mut self, _: &mut Simulation) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
+    /// The engine has met a bad number and gone back to its initial configuration.
+    fn forget(&mut self) {}
+}
+
+/// The engine alone.
+pub(crate) struct EngineStages;
+
+impl Hooks for EngineStages {
+    type Error = Error;
 }

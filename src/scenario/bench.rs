@@ -19,7 +19,7 @@ use super::outcome::{LOSS_DISTANCE, median};
 use super::plan::{Plan, Push};
 use super::run::Options;
 use super::runner::{Mode, Runner};
-use crate::grasp::{self, Grasp, Phase, StageClock};
+use crate::grasp::{self, Grasps, Phase, StageClock};
 use crate::mujoco::{self, BodyId, JacobianStorage, Simulation, Solver, State};
 
 /// Simulated time of one turn \[s\]: both signs of the push.
@@ -120,7 +120,7 @@ struct Load {
 struct Variant {
     sim: Simulation,
     /// The controllers as they are in the saved state, and at work; none in the engine's own solves.
-    grasps: Option<(Vec<Grasp>, Vec<Grasp>)>,
+    grasps: Option<(Grasps, Grasps)>,
     step_ns: Vec<f64>,
     contact_ns: Vec<f64>,
     unlatched: usize,
@@ -170,7 +170,7 @@ struct Bench<'a> {
     /// Full mode with the MJCF's options at `measure_from`.
     reference: Runner,
     sim: Simulation,
-    grasps: Vec<Grasp>,
+    grasps: Grasps,
     state: State,
     steps: usize,
 }
@@ -301,7 +301,7 @@ impl Load {
 }
 
 impl Variant {
-    fn new(sim: Simulation, grasps: Option<(Vec<Grasp>, Vec<Grasp>)>, name: Option<(String, bool)>) -> Self {
+    fn new(sim: Simulation, grasps: Option<(Grasps, Grasps)>, name: Option<(String, bool)>) -> Self {
         Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, name }
     }
 
@@ -309,7 +309,7 @@ impl Variant {
         let mut clock = StageClock::default();
         let start = Instant::now();
         match &mut self.grasps {
-            Some((_, grasps)) => grasp::step_timed(&mut self.sim, grasps, &mut clock)?,
+            Some((_, grasps)) => grasps.step_timed(&mut self.sim, &mut clock)?,
             None => grasp::engine_step_timed(&mut self.sim, &mut clock)?,
         }
         self.step_ns.push(start.elapsed().as_nanos() as f64);

@@ -20,7 +20,7 @@ use super::press::{Press, finger_actuators};
 use super::runner::{Mode, Runner};
 use super::trajectory::{Sample, Trajectory};
 use crate::grasp::DEFAULT_LATCH_TIME;
-use crate::grasp::quality::RELEASE_PER_LATCH;
+use crate::grasp::RELEASE_PER_LATCH;
 
 /// Halvings of the border between two neighbouring strengths: half powers of two are then 1 % apart.
 pub const BISECTIONS: usize = 5;

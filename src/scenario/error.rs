@@ -92,7 +92,7 @@ pub enum Error {
     },
     /// The quality of a grasp cannot be computed.
     #[error("the quality of the grasp: {0}")]
-    Quality(#[source] crate::grasp::quality::QualityError),
+    Quality(#[source] crate::grasp::metrics::quality::QualityError),
     /// MuJoCo refused something outside a step.
     #[error(transparent)]
     Engine(#[from] crate::mujoco::Error),

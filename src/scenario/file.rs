@@ -55,9 +55,16 @@ pub struct GraspEntry {
     /// Q_Th \[N\]: the grasp latches at this quality.
     #[serde(default)]
     pub latch_quality: Option<f64>,
-    /// Q_M \[N\]: the grasp lets go below this quality.
+    /// Q_M \[N\]: what the grasp must keep not to be given up; of the sum of normal forces with limits "cones", of the quality
+    /// with the others.
     #[serde(default)]
     pub release_quality: Option<f64>,
+    /// For how long the quality must be good before it latches \[s\].
+    #[serde(default)]
+    pub latch_time: Option<f64>,
+    /// For how long its hold must be lost before it is given up \[s\].
+    #[serde(default)]
+    pub release_time: Option<f64>,
     /// How the grasp's constraint is bounded.
     #[serde(default)]
     pub limits: Option<Limits>,
@@ -266,6 +273,9 @@ impl GraspEntry {
                     "is {q} N; it must be below latch_quality = {latch} N, or the grasp would chatter"
                 )));
             }
+        }
+        for (field, time) in [("latch_time", self.latch_time), ("release_time", self.release_time)] {
+            time.map_or(Ok(()), |time| non_negative(at(field), time))?;
         }
         let boxed = self.limits == Some(Limits::Box);
         if self.relaxed.is_some() && !boxed {

@@ -5,8 +5,8 @@ use nalgebra::{Vector3, Vector6};
 use super::error::Error;
 use super::plan::Plan;
 use super::runner::{Mode, Runner};
-use crate::grasp::quality::{self, QualityReport};
-use crate::grasp::wrench::ContactForce;
+use crate::grasp::metrics::quality::{self, QualityReport};
+use crate::grasp::monitor::wrench::LoadedContact;
 use crate::mujoco::BodyId;
 
 /// Grasp quality of the first grasp at `measure_from`, from the full contact solve, without a push.
@@ -26,8 +26,8 @@ pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
         return Err(failed(&runner, source));
     }
     let grasp = runner.grasp();
-    let contacts: Vec<ContactForce> =
-        grasp.contacts().iter().filter(|c| grasp.links().contains(&c.link_id)).map(|c| c.contact_force()).collect();
+    let contacts: Vec<LoadedContact> =
+        grasp.contacts().iter().filter(|c| grasp.links().contains(&c.link_id)).map(|c| c.loaded()).collect();
     let (com, weight) = weight(&runner, grasp.target());
     quality::report(&contacts, &com, &weight).map_err(Error::Quality)
 }

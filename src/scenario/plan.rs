@@ -9,7 +9,7 @@ use super::control::Entry;
 use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
 use super::source::Source;
-use crate::grasp::{GraspSpec, Limits, find_hand, weld_xml};
+use crate::grasp::{DEFAULT_LATCH_TIME, DEFAULT_RELEASE_TIME, GraspSpec, Limits, find_hand, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
 /// A scenario whose every name exists on its model.
@@ -277,6 +277,8 @@ fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &GraspEntry) -
         effectors,
         latch_quality: entry.latch_quality,
         release_quality: entry.release_quality,
+        latch_time: entry.latch_time.unwrap_or(DEFAULT_LATCH_TIME),
+        release_time: entry.release_time.unwrap_or(DEFAULT_RELEASE_TIME),
         limits: entry.limits.unwrap_or(Limits::Cones),
         relaxed: entry.relaxed(),
         axes: entry.axes(),

@@ -12,7 +12,7 @@ use super::plan::{Plan, Push};
 use super::tracker::{Feel, Tracker};
 use super::trajectory::{Sample, Trajectory};
 use super::watch::{Now, Watch};
-use crate::grasp::{self, Grasp, Phase};
+use crate::grasp::{self, Grasp, GraspId, Grasps, Phase};
 use crate::mujoco::{BodyId, Simulation};
 
 /// How contacts between hand and target are simulated.
@@ -40,7 +40,7 @@ impl Mode {
 pub struct Runner {
     mode: Mode,
     sim: Simulation,
-    grasps: Vec<Grasp>,
+    grasps: Grasps,
     trackers: Vec<Tracker>,
     schedule: Schedule,
     ctrl: Vec<f64>,
@@ -74,14 +74,14 @@ impl Runner {
         sim.inertia()?;
         sim.transmission()?;
         sim.velocity()?;
-        let mut grasps = Vec::with_capacity(plan.grasps.len());
+        let mut grasps = Grasps::new();
         let mut trackers = Vec::new();
         for (index, spec) in plan.grasps.iter().enumerate() {
-            let grasp =
-                Grasp::new(&sim, spec).map_err(|source| Error::Grasp { file: plan.file.clone(), index, source })?;
+            let id =
+                grasps.add(&sim, spec).map_err(|source| Error::Grasp { file: plan.file.clone(), index, source })?;
+            let grasp = &grasps[id];
             let tracker = Tracker::new(&sim, &plan.goals, index, grasp.palm(), grasp.target());
             trackers.extend(tracker.map_err(|source| Error::Goal { file: plan.file.clone(), source })?);
-            grasps.push(grasp);
         }
         let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
         let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
@@ -147,7 +147,7 @@ impl Runner {
 
     /// The grasp that the run is about.
     pub fn grasp(&self) -> &Grasp {
-        &self.grasps[self.watched]
+        &self.grasps[GraspId::nth(self.watched)]
     }
 
     /// Index of the grasp that the run is about: the first whose target is pushed, or the first.
@@ -156,7 +156,7 @@ impl Runner {
     }
 
     /// All grasps.
-    pub fn grasps(&self) -> &[Grasp] {
+    pub fn grasps(&self) -> &Grasps {
         &self.grasps
     }
 
@@ -166,13 +166,13 @@ impl Runner {
     }
 
     /// The simulation and its controllers, as they are.
-    pub fn into_parts(self) -> (Simulation, Vec<Grasp>) {
+    pub fn into_parts(self) -> (Simulation, Grasps) {
         (self.sim, self.grasps)
     }
 
     /// An empty trajectory with the links of the run's grasp and room for the whole run.
     pub fn trajectory(&self) -> Trajectory {
-        self.trajectory_of(&self.grasps[self.watched])
+        self.trajectory_of(&self.grasps[GraspId::nth(self.watched)])
     }
 
     /// An empty trajectory for each grasp, to [`record`](Self::record) in.
@@ -220,7 +220,7 @@ impl Runner {
         }
         self.control(time)?;
         self.apply_push(time);
-        for grasp in &mut self.grasps {
+        for grasp in self.grasps.iter_mut() {
             grasp.allow_latch(!pinned);
         }
         for (watch, grasp) in self.watches.iter_mut().zip(&self.grasps) {
@@ -229,18 +229,16 @@ impl Runner {
         let clock = Instant::now();
         match self.mode {
             Mode::Full => self.sim.step()?,
-            Mode::Grasp => grasp::step(&mut self.sim, &mut self.grasps)?,
+            Mode::Grasp => self.grasps.step(&mut self.sim)?,
         }
         let step_ns = clock.elapsed().as_nanos() as u64;
         if self.mode == Mode::Full {
-            for grasp in &mut self.grasps {
-                grasp.monitor(&self.sim)?;
-            }
+            self.grasps.monitor(&self.sim)?;
         }
         self.steps += 1;
         let now = Now { time, step_ns, slipping: (time >= self.measure_from - half).then_some(self.timestep) };
         self.samples.clear();
-        for (watch, grasp) in self.watches.iter_mut().zip(&mut self.grasps) {
+        for (watch, grasp) in self.watches.iter_mut().zip(self.grasps.iter_mut()) {
             grasp.read_slip(&self.sim);
             self.samples.push(watch.sample(&self.sim, grasp, &now));
         }
@@ -257,7 +255,7 @@ impl Runner {
     fn control(&mut self, time: f64) -> Result<(), grasp::Error> {
         self.schedule.apply(time, &mut self.ctrl);
         for tracker in &mut self.trackers {
-            let feel = feel(&self.sim, &self.grasps[tracker.grasp], !self.pins.is_empty());
+            let feel = feel(&self.sim, &self.grasps[GraspId::nth(tracker.grasp)], !self.pins.is_empty());
             tracker.drive(&self.sim, time, self.timestep, feel, &mut self.ctrl)?;
         }
         self.sim.ctrl_mut().copy_from_slice(&self.ctrl);
@@ -280,7 +278,7 @@ impl Runner {
     fn settle(&mut self) {
         let time = self.time();
         for tracker in &mut self.trackers {
-            let grasp = &self.grasps[tracker.grasp];
+            let grasp = &self.grasps[GraspId::nth(tracker.grasp)];
             if (grasp.phase() == Phase::Grasped || grasp.would_latch()) && tracker.finish() {
                 for (actuator, target) in tracker.targets() {
                     self.schedule.continue_from(time, actuator, target);

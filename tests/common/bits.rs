@@ -1,7 +1,7 @@
 //! Everything that a step computes, as bits: two runs that are the same here are the same.
 #![allow(dead_code)]
 
-use mujoco_grasp::grasp::{Grasp, Phase, Snapshot};
+use mujoco_grasp::grasp::{Grasps, Phase, Snapshot};
 use mujoco_grasp::mujoco::Simulation;
 
 /// How a saved state travels.
@@ -27,7 +27,7 @@ pub fn through(format: Format, snapshot: &Snapshot) -> Snapshot {
 }
 
 /// What is seen of a simulation and its grasps after a step.
-pub fn bits(sim: &Simulation, grasps: &[Grasp]) -> Vec<u64> {
+pub fn bits(sim: &Simulation, grasps: &Grasps) -> Vec<u64> {
     let time = [sim.time()];
     let arrays: [&[f64]; 9] = [
         &time,

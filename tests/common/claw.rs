@@ -1,14 +1,14 @@
 //! The five-finger claw of tests/data, closed around its ball.
 #![allow(dead_code)]
 
-use mujoco_grasp::grasp::{self, Error, Grasp, GraspSpec, weld_xml};
+use mujoco_grasp::grasp::{Error, Grasp, GraspId, GraspSpec, Grasps, weld_xml};
 use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
 use nalgebra::Vector3;
 
 #[derive(Clone)]
 pub struct Claw {
     pub sim: Simulation,
-    pub grasps: Vec<Grasp>,
+    pub grasps: Grasps,
     target: BodyId,
     palm: BodyId,
     open: Vec<f64>,
@@ -34,10 +34,10 @@ impl Claw {
         let (target, palm) = (sim.model().body("object").expect("object"), sim.model().body("palm").expect("palm"));
         let mut spec = GraspSpec::new(target, palm);
         change(&mut sim, &mut spec);
-        let grasps = vec![Grasp::new(&sim, &spec).expect("a grasp")];
+        let grasps = Grasps::of(&sim, &spec).expect("a grasp");
         let open = sim.ctrl().to_vec();
         let mut claw = Claw { sim, grasps, target, palm, open };
-        claw.grasps[0].allow_latch(false);
+        claw.grasps[GraspId::FIRST].allow_latch(false);
         let joint = claw.sim.model().free_joint_of(target).expect("a free joint");
         let (q, v) = (claw.sim.model().jnt_qposadr()[joint.index()] as usize, claw.target_dof());
         let start = claw.sim.qpos()[q..q + 7].to_vec();
@@ -50,7 +50,7 @@ impl Claw {
         while claw.sim.time() < 3.0 {
             claw.step();
         }
-        claw.grasps[0].allow_latch(true);
+        claw.grasps[GraspId::FIRST].allow_latch(true);
         claw
     }
 
@@ -75,11 +75,11 @@ impl Claw {
     }
 
     pub fn step(&mut self) {
-        grasp::step(&mut self.sim, &mut self.grasps).expect("a step");
+        self.grasps.step(&mut self.sim).expect("a step");
     }
 
     pub fn try_step(&mut self) -> Result<(), Error> {
-        grasp::step(&mut self.sim, &mut self.grasps)
+        self.grasps.step(&mut self.sim)
     }
 
     pub fn run(&mut self, seconds: f64) {
@@ -89,12 +89,12 @@ impl Claw {
     }
 
     pub fn run_in_full_mode(&mut self, seconds: f64) {
-        self.grasps[0].allow_latch(false);
+        self.grasps[GraspId::FIRST].allow_latch(false);
         self.run(seconds);
     }
 
     pub fn grasp(&self) -> &Grasp {
-        &self.grasps[0]
+        &self.grasps[GraspId::FIRST]
     }
 
     /// First degree of freedom of the target.

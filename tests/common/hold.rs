@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use super::one_step;
-use mujoco_grasp::grasp::{self, Grasp, GraspSpec, Phase};
+use mujoco_grasp::grasp::{Grasp, GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{BodyId, Model, Simulation};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::collections::BTreeMap;
@@ -58,7 +58,7 @@ impl Scene {
 #[derive(Clone)]
 pub struct Held {
     pub sim: Simulation,
-    pub grasps: Vec<Grasp>,
+    pub grasps: Grasps,
     target: BodyId,
     palm: BodyId,
     /// Iterations of the friction pass that the model asks for.
@@ -83,10 +83,10 @@ impl Held {
         let (target, palm) = (sim.model().body("object").expect("object"), sim.model().body("palm").expect("palm"));
         let mut spec = GraspSpec::new(target, palm);
         spec.latch_quality = scene.latch_quality;
-        let grasps = vec![Grasp::new(&sim, &spec).expect("a grasp")];
+        let grasps = Grasps::of(&sim, &spec).expect("a grasp");
         let own_noslip = sim.model().noslip_iterations();
         let mut held = Held { sim, grasps, target, palm, own_noslip };
-        held.grasps[0].allow_latch(false);
+        held.grasps[GraspId::FIRST].allow_latch(false);
         held.sim.set_noslip_iterations(NOSLIP).expect("a number of iterations");
         held.close(scene);
         held
@@ -119,7 +119,7 @@ impl Held {
     }
 
     pub fn step(&mut self) {
-        grasp::step(&mut self.sim, &mut self.grasps).expect("a step");
+        self.grasps.step(&mut self.sim).expect("a step");
     }
 
     pub fn run(&mut self, seconds: f64) {
@@ -133,7 +133,7 @@ impl Held {
     }
 
     pub fn grasp(&self) -> &Grasp {
-        &self.grasps[0]
+        &self.grasps[GraspId::FIRST]
     }
 
     pub fn push(&mut self, force: [f64; 3]) {
@@ -213,7 +213,7 @@ pub fn full(rest: &Held, noslip: usize) -> Held {
 pub fn latched(rest: &Held) -> Held {
     let mut latched = rest.clone();
     latched.sim.set_noslip_iterations(rest.own_noslip).expect("a number of iterations");
-    latched.grasps[0].allow_latch(true);
+    latched.grasps[GraspId::FIRST].allow_latch(true);
     for _ in 0..latched.steps(LATCHING) {
         let solved = latched.grasp().phase() == Phase::Grasped;
         latched.step();

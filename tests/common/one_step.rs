@@ -1,7 +1,7 @@
 //! One grasped step against the engine's converged solve of the same step.
 #![allow(dead_code)]
 
-use mujoco_grasp::grasp::{self, GraspContact};
+use mujoco_grasp::grasp::{GraspContact, Grasps};
 use mujoco_grasp::mujoco::{Simulation, Solver};
 
 /// The engine's own solve of the step that `sim` is about to make, with Newton's method to the last digit.
@@ -11,7 +11,7 @@ pub fn engine(sim: &Simulation) -> Simulation {
     exact.set_noslip_iterations(0).expect("no noslip");
     exact.set_iterations(300).expect("iterations");
     exact.set_tolerance(0.0).expect("a tolerance");
-    grasp::step(&mut exact, &mut []).expect("a step");
+    Grasps::new().step(&mut exact).expect("a step");
     exact
 }
 

@@ -3,7 +3,7 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
-use mujoco_grasp::grasp::cone::{Bound, Law};
+use mujoco_grasp::grasp::contact::cost::{Bound, Cost};
 use nalgebra::{DMatrix, DVector};
 
 /// `min 1/2 x'Px + q'x  s.t.  b - Ax in cones`; `None` where the method gives up.
@@ -53,9 +53,9 @@ pub struct Dual {
 }
 
 /// The dual of a law on `rows` rows, written from its definition.
-pub fn dual(law: &Law, rows: usize) -> Dual {
+pub fn dual(law: &Cost, rows: usize) -> Dual {
     match *law {
-        Law::Unilateral { stiffness } => Dual {
+        Cost::Unilateral { stiffness } => Dual {
             regularisation: vec![1.0 / stiffness],
             shift: vec![0.0],
             a: -DMatrix::identity(1, 1),
@@ -63,7 +63,7 @@ pub fn dual(law: &Law, rows: usize) -> Dual {
             cones: vec![SupportedConeT::NonnegativeConeT(1)],
             to_rows: DMatrix::identity(1, 1),
         },
-        Law::Elliptic { stiffness, cone, friction } => {
+        Cost::Elliptic { stiffness, cone, friction } => {
             let r0 = 1.0 / stiffness;
             let mut a = -DMatrix::identity(rows, rows);
             let mut regularisation = vec![r0];
@@ -80,7 +80,7 @@ pub fn dual(law: &Law, rows: usize) -> Dual {
                 to_rows: DMatrix::identity(rows, rows),
             }
         }
-        Law::Pyramidal { stiffness, friction } => {
+        Cost::Pyramidal { stiffness, friction } => {
             let edges = 2 * (rows - 1);
             let mut to_rows = DMatrix::zeros(rows, edges);
             for e in 0..edges {
@@ -97,7 +97,7 @@ pub fn dual(law: &Law, rows: usize) -> Dual {
                 to_rows,
             }
         }
-        Law::Bounded { centre, stiffness, limit } => Dual {
+        Cost::Bounded { centre, stiffness, limit } => Dual {
             regularisation: vec![1.0 / stiffness],
             shift: vec![centre / stiffness],
             a: DMatrix::from_row_slice(2, 1, &[1.0, -1.0]),
@@ -105,8 +105,8 @@ pub fn dual(law: &Law, rows: usize) -> Dual {
             cones: vec![SupportedConeT::NonnegativeConeT(2)],
             to_rows: DMatrix::identity(1, 1),
         },
-        Law::Still => panic!("a law without forces has no dual"),
-        Law::Slip { centre, resistance, friction, bound } => {
+        Cost::Still => panic!("a law without forces has no dual"),
+        Cost::Slip { centre, resistance, friction, bound } => {
             let r: Vec<f64> = (0..rows).map(|j| resistance * (friction[0] / friction[j]).powi(2)).collect();
             let shift = (0..rows).map(|j| r[j] * centre[j]).collect();
             let (a, b, cones) = match bound {
@@ -135,13 +135,13 @@ pub fn dual(law: &Law, rows: usize) -> Dual {
 }
 
 /// What the dual minimises, at given row forces (laws whose dual variables are the row forces).
-pub fn objective(law: &Law, jar: &[f64], f: &DVector<f64>) -> f64 {
+pub fn objective(law: &Cost, jar: &[f64], f: &DVector<f64>) -> f64 {
     let d = dual(law, jar.len());
     (0..jar.len()).map(|j| 0.5 * d.regularisation[j] * f[j] * f[j] + f[j] * (jar[j] - d.shift[j])).sum()
 }
 
 /// How far row forces lie outside their cone or bounds, relative to one newton.
-pub fn violation(law: &Law, f: &DVector<f64>) -> f64 {
+pub fn violation(law: &Cost, f: &DVector<f64>) -> f64 {
     let d = dual(law, f.len());
     let slack = &d.b - &d.a * f;
     match d.cones[0] {
@@ -151,7 +151,7 @@ pub fn violation(law: &Law, f: &DVector<f64>) -> f64 {
 }
 
 /// Row forces of one law at a fixed residual.
-pub fn project(law: &Law, jar: &[f64]) -> DVector<f64> {
+pub fn project(law: &Cost, jar: &[f64]) -> DVector<f64> {
     let d = dual(law, jar.len());
     let p = DMatrix::from_diagonal(&DVector::from_vec(d.regularisation.clone()));
     let q = d.to_rows.transpose() * DVector::from_column_slice(jar) - DVector::from_vec(d.shift.clone());

@@ -1,7 +1,7 @@
 //! Contacts for the quality tests.
 #![allow(dead_code)] // each test program uses some
 
-use mujoco_grasp::grasp::wrench::ContactForce;
+use mujoco_grasp::grasp::monitor::wrench::LoadedContact;
 use nalgebra::{Rotation3, Vector3};
 
 /// A contact at `position` pressing along `normal`, its force purely normal.
@@ -11,13 +11,13 @@ pub fn contact(
     condim: usize,
     friction: [f64; 5],
     normal_force: f64,
-) -> ContactForce {
+) -> LoadedContact {
     let normal = normal.normalize();
     let least = normal.iamin();
     let mut axis = Vector3::zeros();
     axis[least] = 1.0;
     let t1 = normal.cross(&axis).normalize();
-    ContactForce {
+    LoadedContact {
         position,
         normal,
         tangents: [t1, normal.cross(&t1)],
@@ -36,7 +36,7 @@ pub fn on_sphere(
     condim: usize,
     friction: [f64; 5],
     normal_force: f64,
-) -> Vec<ContactForce> {
+) -> Vec<LoadedContact> {
     directions.iter().map(|d| contact(d.normalize() * a, -d, condim, friction, normal_force)).collect()
 }
 
@@ -88,7 +88,7 @@ impl Random {
     }
 
     /// A grasp of an uneven object: contacts anywhere, normals roughly inwards.
-    pub fn grasp(&mut self, count: usize, condim: usize) -> Vec<ContactForce> {
+    pub fn grasp(&mut self, count: usize, condim: usize) -> Vec<LoadedContact> {
         (0..count)
             .map(|_| {
                 let d = self.direction();
@@ -103,8 +103,8 @@ impl Random {
 }
 
 /// The same scene turned and moved.
-pub fn moved(c: &ContactForce, turn: &Rotation3<f64>, shift: &Vector3<f64>) -> ContactForce {
-    ContactForce {
+pub fn moved(c: &LoadedContact, turn: &Rotation3<f64>, shift: &Vector3<f64>) -> LoadedContact {
+    LoadedContact {
         position: turn * c.position + shift,
         normal: turn * c.normal,
         tangents: c.tangents.map(|t| turn * t),

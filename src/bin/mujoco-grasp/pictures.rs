@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use image::RgbImage;
+use mujoco_grasp::grasp::{GraspId, Grasps};
 use mujoco_grasp::mujoco::{Arrow, Camera, Drawing, Renderer, Simulation};
 use mujoco_grasp::report::{Mark, MotionPlot, Push as Shade, Row, Strip, Threshold, Trace};
 use mujoco_grasp::scenario::outcome::Motion;
@@ -143,7 +144,8 @@ impl Artist {
             return Ok(camera);
         }
         self.pose(first)?;
-        let grasp = mujoco_grasp::grasp::Grasp::new(&self.sim, &plan.grasps[0])?;
+        let grasps = Grasps::of(&self.sim, &plan.grasps[0])?;
+        let grasp = &grasps[GraspId::FIRST];
         Ok(Camera::on_grasp(&self.sim, grasp.palm(), grasp.target())?)
     }
 

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use mujoco_grasp::grasp::quality::QualityReport;
+use mujoco_grasp::grasp::metrics::quality::QualityReport;
 use mujoco_grasp::scenario::measure::quality_at_measure;
 use mujoco_grasp::scenario::plan::Plan;
 

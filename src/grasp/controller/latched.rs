@@ -1,16 +1,15 @@
 //! A latched grasp's part in a step: its contacts leave the engine's solve, its forces come in their place.
 
 use super::Grasp;
-use crate::grasp::bounds::Bounds;
-use crate::grasp::contacts::GraspContact;
+use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::cones::solve::SolveStatus;
+use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::softness::SolverOptions;
 use crate::grasp::error::Error;
-use crate::grasp::mobility::Dynamics;
-use crate::grasp::phase::Phase;
-use crate::grasp::softness::{ConeKind, SolverOptions};
-use crate::grasp::solve::SolveStatus;
+use crate::grasp::monitor::phase::Phase;
 use crate::grasp::spec::Limits;
-use crate::grasp::weld::Settings;
-use crate::mujoco::{Cone, DISABLE_REFSAFE, EqualityId, Simulation};
+use crate::grasp::weld::bounds::Bounds;
+use crate::mujoco::{Cone, EqualityId, Simulation};
 use nalgebra::Vector6;
 use std::ops::Range;
 
@@ -78,12 +77,12 @@ impl Grasp {
         rigid: &mut usize,
         bounded: &mut usize,
     ) -> Result<(), Error> {
-        let options = solver_options(sim);
+        let options = SolverOptions::of(sim.model());
         let Some((_, merged)) = &mut self.merged else { return Ok(()) };
         merged.write_rows(sim, &self.topology, &options, self.set.contacts(), rigid, bounded)
     }
 
-    /// Sets the weld rows' references and bounds, and adds the squeeze to `out`.
+    /// Sets the weld rows' references and bounds, and adds the internal forces to `out`.
     pub(in crate::grasp) fn load_merged(&mut self, sim: &mut Simulation, out: &mut [f64]) -> Result<(), Error> {
         let Some((_, merged)) = &mut self.merged else { return Ok(()) };
         merged.load(sim, &self.topology, self.set.contacts(), out)
@@ -96,40 +95,17 @@ impl Grasp {
         }
     }
 
-    /// The user's solver settings, while a merged grasp keeps them.
-    pub(in crate::grasp) fn settings(&self) -> Option<&Settings> {
-        self.settings.as_ref()
-    }
-
-    /// As [`settings`](Self::settings), to keep them.
-    pub(in crate::grasp) fn settings_mut(&mut self) -> &mut Option<Settings> {
-        &mut self.settings
-    }
-
-    /// Gives the solver settings back that a latched grasp with [`Limits::Box`] or [`Limits::Rigid`] has changed (noslip
-    /// iterations, storage of the Jacobian). A step after the release does it by itself; this is for a simulation that
-    /// goes on without its grasps. The current contacts and constraint rows are dropped if there is something to restore.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    pub fn restore_settings(&mut self, sim: &mut Simulation) -> Result<(), Error> {
-        match self.settings.take() {
-            Some(settings) => settings.restore(sim),
-            None => Ok(()),
-        }
-    }
-
     /// True while this grasp's constraint is its contacts' friction cones.
     pub(in crate::grasp) fn is_cones(&self) -> bool {
         self.limits == Limits::Cones && self.machine.phase() == Phase::Grasped
     }
 
-    /// Drops the neighbours of an earlier step: in this one they are another solve's.
-    pub(in crate::grasp) fn leave_neighbours(&mut self) {
-        self.neighbours.forget();
+    /// Drops the coupled of an earlier step: in this one they are another solve's.
+    pub(in crate::grasp) fn forget_coupled(&mut self) {
+        self.coupled.forget();
     }
 
-    /// True while contacts of this latched grasp wait for a solve of their own or as another grasp's guests.
+    /// True while contacts of this latched grasp wait for a solve of their own or as another grasp's foreign.
     pub(in crate::grasp) fn awaits_solve(&self) -> bool {
         self.is_cones() && self.set.contacts().iter().any(|c| !c.solved)
     }
@@ -156,47 +132,47 @@ impl Grasp {
             body_velocity: sim.cvel(),
             acceleration: sim.qacc_smooth(),
         };
-        let options = solver_options(sim);
-        self.neighbours.read(sim, welds)?;
+        let options = SolverOptions::of(sim.model());
+        self.coupled.read(sim, welds)?;
         for other in others.iter().filter(|g| g.awaits_solve()) {
-            self.neighbours.invite(&dynamics, &other.topology, &options, other.set.contacts());
+            self.coupled.invite(&dynamics, &other.topology, &options, other.set.contacts());
         }
         let contacts = self.set.contacts_mut();
-        self.status = self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.neighbours);
+        self.status = self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.coupled);
         let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
-        if !self.set.contacts().iter().chain(self.neighbours.guests()).all(finite) {
+        if !self.set.contacts().iter().chain(self.coupled.foreign()).all(finite) {
             return Err(Error::Diverged { time: sim.time(), what: "a contact force" });
         }
         self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
-        self.neighbours.add_guest_forces(out);
-        let mut guests = self.neighbours.guests().iter();
+        self.coupled.add_foreign_forces(out);
+        let mut foreign = self.coupled.foreign().iter();
         for other in others.iter_mut().filter(|g| g.awaits_solve()) {
-            other.take_back(&mut guests, self.status);
+            other.take_back(&mut foreign, self.status);
         }
         Ok(())
     }
 
-    /// Takes this grasp's contacts back from the solve of another grasp in which they were guests.
-    fn take_back<'a>(&mut self, guests: &mut impl Iterator<Item = &'a GraspContact>, status: SolveStatus) {
+    /// Takes this grasp's contacts back from the solve of another grasp in which they were foreign.
+    fn take_back<'a>(&mut self, foreign: &mut impl Iterator<Item = &'a GraspContact>, status: SolveStatus) {
         let mut solved = false;
-        for (contact, guest) in self.set.contacts_mut().iter_mut().zip(guests) {
-            contact.clone_from(guest);
-            solved |= guest.solved;
+        for (contact, foreign) in self.set.contacts_mut().iter_mut().zip(foreign) {
+            contact.clone_from(foreign);
+            solved |= foreign.solved;
         }
         if solved {
             self.status = status;
-            self.neighbours.forget();
+            self.coupled.forget();
         }
     }
 
     /// Number of the engine's rows that were solved together with the grasp in this step.
     pub(in crate::grasp) fn solved_rows(&self) -> usize {
-        self.neighbours.solved_rows()
+        self.coupled.solved_rows()
     }
 
     /// Writes the forces of those rows.
     pub(in crate::grasp) fn write_row_forces(&self, sim: &mut Simulation) {
-        self.neighbours.write_forces(sim);
+        self.coupled.write_forces(sim);
     }
 
     /// Shows the engine the forces of the contacts, from `offset` numbers behind its rows on, and moves `offset` on. In a
@@ -212,16 +188,5 @@ impl Grasp {
             }
         }
         Ok(())
-    }
-}
-
-/// The options of the engine that enter a contact's softness.
-pub(in crate::grasp) fn solver_options(sim: &Simulation) -> SolverOptions {
-    let model = sim.model();
-    SolverOptions {
-        timestep: model.timestep(),
-        refsafe: model.disable_flags() & DISABLE_REFSAFE == 0,
-        impratio: model.impratio(),
-        cone: if model.cone() == Cone::Elliptic { ConeKind::Elliptic } else { ConeKind::Pyramidal },
     }
 }

@@ -1,0 +1,300 @@
+//! The engine's constraint rows besides the grasp's own contacts: equalities, friction losses, limits, other contacts.
+//!
+//! Where they move with hand or target they are solved together with the grasp (see [`crate::grasp::cones::joint_groups`]), in the same two
+//! passes as the engine: first all with their softness, then, if the engine has a noslip pass, friction at fixed normals.
+//! The contacts of other latched grasps join them as foreign (see [`foreign`]).
+
+use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, pyramid_pairs};
+use crate::mujoco::{Cone, Error, RowKind, RowState, Simulation};
+use std::ops::Range;
+
+mod foreign;
+mod saved;
+
+pub(in crate::grasp) use saved::SavedConstraint;
+
+/// One constraint that is not the grasp's own.
+#[derive(Clone, Debug)]
+pub struct CoupledConstraint {
+    /// Its cost with the engine's softness.
+    pub cost: Cost,
+    /// Number of its rows: one, or a contact's normal, tangents, spin and rolling.
+    pub rows: usize,
+    /// First of its rows in [`CoupledConstraints::jacobian`].
+    pub first: usize,
+    /// Force of each row in the pass with soft contacts; before the solve, of the last step.
+    pub main: [f64; MAX_ROWS],
+    /// Force of each row in the end.
+    pub force: [f64; MAX_ROWS],
+    /// Where its cost stood in either pass.
+    pub active_sets: [ActiveSet; 2],
+    /// Normal force of each pair of a pyramid's edges.
+    pairs: [f64; 5],
+    /// True of a row of another grasp's weld: it gives way in both passes, since it is solved by its softness.
+    pub gives: bool,
+    /// True once it has been solved together with the grasp.
+    solved: bool,
+    /// Its first row in the engine; a foreign has none.
+    row: usize,
+    owner: Owner,
+}
+
+/// What the rows belong to, from step to step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Owner {
+    /// Type of row and number of the equality, joint, tendon or degree of freedom.
+    Element(i32, usize),
+    /// Two geoms, and how many contacts of the same two come before.
+    Geoms(usize, usize, usize),
+    /// Another grasp's contact, by its number among the foreign.
+    Foreign(usize),
+}
+
+/// All of them in one step. Buffers are reused.
+#[derive(Clone, Debug, Default)]
+pub struct CoupledConstraints {
+    list: Vec<CoupledConstraint>,
+    before: Vec<CoupledConstraint>,
+    jacobian: Vec<f64>,
+    bias: Vec<f64>,
+    friction_pass: bool,
+    foreign: Vec<GraspContact>,
+}
+
+impl CoupledConstraints {
+    /// Reads the engine's current rows, `welds` among them being those of merged grasps; after its smooth acceleration is
+    /// known.
+    ///
+    /// # Errors
+    /// What the engine reports.
+    pub fn read(&mut self, sim: &Simulation, welds: &Range<usize>) -> Result<(), Error> {
+        std::mem::swap(&mut self.list, &mut self.before);
+        self.list.clear();
+        self.jacobian.clear();
+        self.bias.clear();
+        self.foreign.clear();
+        self.friction_pass = sim.model().noslip_iterations() > 0;
+        let mut row = 0;
+        while row < sim.nefc() {
+            row += self.read_one(sim, row, welds.contains(&row))?;
+        }
+        Ok(())
+    }
+
+    /// Forgets the last step's forces: this grasp has not solved its coupled in it, or was released.
+    pub fn forget(&mut self) {
+        self.list.clear();
+        self.foreign.clear();
+    }
+
+    /// The constraints of this step.
+    pub fn list(&self) -> &[CoupledConstraint] {
+        &self.list
+    }
+
+    /// Number of the engine's rows that were solved together with the grasp.
+    pub fn solved_rows(&self) -> usize {
+        self.list.iter().filter(|n| n.solved).map(CoupledConstraint::engine_rows).sum()
+    }
+
+    /// Writes the forces of the constraints that were solved together with the grasp.
+    pub fn write_forces(&self, sim: &mut Simulation) {
+        for constraint in self.list.iter().filter(|n| n.solved && n.foreign().is_none()) {
+            constraint.write_force(sim);
+        }
+    }
+
+    /// Row `row`, one entry for each degree of freedom.
+    pub fn jacobian(&self, row: usize, nv: usize) -> &[f64] {
+        &self.jacobian[row * nv..(row + 1) * nv]
+    }
+
+    /// `J qacc_smooth - aref` of each row.
+    pub fn bias(&self) -> &[f64] {
+        &self.bias
+    }
+
+    /// Takes the result of the pass with soft contacts for constraint `i`, its force and where its cost stands at the
+    /// residual `jar`, and gives its cost for the friction pass and where that is expected to stand. `resistance` is the
+    /// proximal one of its first friction row. What has no part in the friction pass keeps its force.
+    pub fn end_main_pass(
+        &mut self,
+        i: usize,
+        (force, active_set): (&[f64; MAX_ROWS], ActiveSet),
+        jar: &[f64],
+        resistance: f64,
+    ) -> (Cost, ActiveSet) {
+        let friction_pass = self.friction_pass;
+        let n = &mut self.list[i];
+        n.solved = true;
+        // friction starts from that of the first pass, corrected as in the last step
+        let start: [f64; MAX_ROWS] = std::array::from_fn(|row| force[row] + n.force[row] - n.main[row]);
+        (n.main, n.active_sets[0]) = (*force, active_set);
+        if let Cost::Pyramidal { stiffness, friction } = n.cost {
+            n.pairs = pyramid_pairs(jar, stiffness, &friction);
+        }
+        n.force = *force;
+        if n.gives {
+            return (n.cost, active_set);
+        }
+        let mut centre = [0.0; 5];
+        centre.copy_from_slice(&start[1..]);
+        let cost = match n.cost {
+            Cost::Elliptic { friction, .. } if friction_pass => {
+                Cost::slip_ellipsoid(centre, resistance, friction, force[0])
+            }
+            Cost::Pyramidal { friction, .. } if friction_pass => Cost::slip_box(centre, resistance, friction, n.pairs),
+            Cost::Bounded { limit, .. } if friction_pass && limit.is_finite() => {
+                Cost::Bounded { centre: start[0], stiffness: 1.0 / resistance, limit }
+            }
+            _ => Cost::Still,
+        };
+        (cost, n.active_sets[1])
+    }
+
+    /// Takes the result of the friction pass for the rows that its cost governs, from row `first` on.
+    pub fn end_friction_pass(&mut self, i: usize, first: usize, force: &[f64; MAX_ROWS], active_set: ActiveSet) {
+        let n = &mut self.list[i];
+        n.force[first..].copy_from_slice(&force[..MAX_ROWS - first]);
+        n.active_sets[1] = active_set;
+    }
+
+    /// Reads the constraint that begins at `row`; returns its number of rows in the engine.
+    fn read_one(&mut self, sim: &Simulation, row: usize, gives: bool) -> Result<usize, Error> {
+        let identity = sim.constraint_row(row)?;
+        let first = self.bias.len();
+        let stiffness = sim.efc_D()[row];
+        let element = Owner::Element(identity.kind.raw(), identity.id);
+        let (cost, owner, rows, read) = match identity.kind {
+            RowKind::ContactElliptic | RowKind::ContactPyramidal => {
+                let contact = sim.contact(identity.id)?;
+                let dim = contact.condim;
+                let [a, b] = contact.geoms.map(|g| g.index());
+                let nth = |n: &CoupledConstraint| matches!(n.owner, Owner::Geoms(c, d, _) if (c, d) == (a, b));
+                let owner = Owner::Geoms(a, b, self.list.iter().filter(|n| nth(n)).count());
+                if sim.model().cone() == Cone::Elliptic {
+                    self.copy_rows(sim, row, dim)?;
+                    let cone = contact.friction[0] * (sim.efc_R()[row + 1] / sim.efc_R()[row]).sqrt();
+                    (Cost::Elliptic { stiffness, cone, friction: contact.friction }, owner, dim, dim)
+                } else {
+                    self.combine_edges(sim, row, dim, &contact.friction)?;
+                    (Cost::Pyramidal { stiffness, friction: contact.friction }, owner, dim, 2 * (dim - 1))
+                }
+            }
+            kind => {
+                self.copy_rows(sim, row, 1)?;
+                let cost = match kind {
+                    RowKind::Equality => Cost::Bounded { centre: 0.0, stiffness, limit: f64::INFINITY },
+                    RowKind::FrictionDof | RowKind::FrictionTendon => {
+                        Cost::Bounded { centre: 0.0, stiffness, limit: sim.efc_frictionloss()[row] }
+                    }
+                    _ => Cost::Unilateral { stiffness },
+                };
+                (cost, element, 1, 1)
+            }
+        };
+        let before = self.before.iter().find(|n| n.owner == owner && n.rows == rows);
+        let nothing = [0.0; MAX_ROWS];
+        let (main, force, active_sets) =
+            before.map_or((nothing, nothing, [ActiveSet::Stick; 2]), |n| (n.main, n.force, n.active_sets));
+        let (pairs, solved) = ([0.0; 5], false);
+        self.list.push(CoupledConstraint {
+            cost,
+            rows,
+            first,
+            main,
+            force,
+            active_sets,
+            pairs,
+            gives,
+            solved,
+            row,
+            owner,
+        });
+        Ok(read)
+    }
+
+    fn copy_rows(&mut self, sim: &Simulation, row: usize, count: usize) -> Result<(), Error> {
+        let nv = sim.model().nv();
+        for k in row..row + count {
+            let at = self.jacobian.len();
+            self.jacobian.resize(at + nv, 0.0);
+            sim.row_jacobian(k, &mut self.jacobian[at..])?;
+            let smooth = crate::grasp::linalg::dot(&self.jacobian[at..], sim.qacc_smooth());
+            self.bias.push(smooth - sim.efc_aref()[k]);
+        }
+        Ok(())
+    }
+
+    /// From a pyramid's edges `n +- mu_j t_j`, two for each `j`, to the rows `n, t_1, t_2, ..`.
+    fn combine_edges(&mut self, sim: &Simulation, row: usize, dim: usize, friction: &[f64; 5]) -> Result<(), Error> {
+        let nv = sim.model().nv();
+        let (j0, b0) = (self.jacobian.len(), self.bias.len());
+        self.copy_rows(sim, row, 2 * (dim - 1))?;
+        // in place from the front: rows 0 and 1 become normal and first tangent, then rows 2j, 2j + 1 the next tangent
+        for (j, mu) in friction.iter().take(dim - 1).enumerate() {
+            let half = 0.5 / mu;
+            for k in 0..nv {
+                let (plus, minus) = (self.jacobian[j0 + 2 * j * nv + k], self.jacobian[j0 + (2 * j + 1) * nv + k]);
+                if j == 0 {
+                    self.jacobian[j0 + k] = 0.5 * (plus + minus);
+                }
+                self.jacobian[j0 + (j + 1) * nv + k] = half * (plus - minus);
+            }
+            let (plus, minus) = (self.bias[b0 + 2 * j], self.bias[b0 + 2 * j + 1]);
+            if j == 0 {
+                self.bias[b0] = 0.5 * (plus + minus);
+            }
+            self.bias[b0 + j + 1] = half * (plus - minus);
+        }
+        self.jacobian.truncate(j0 + dim * nv);
+        self.bias.truncate(b0 + dim);
+        Ok(())
+    }
+}
+
+impl CoupledConstraint {
+    /// Number among the foreign, of another grasp's contact.
+    pub fn foreign(&self) -> Option<usize> {
+        if let Owner::Foreign(number) = self.owner { Some(number) } else { None }
+    }
+
+    /// Number of its rows in the engine, where a pyramid has a row for each edge.
+    fn engine_rows(&self) -> usize {
+        if self.foreign().is_some() {
+            0
+        } else if matches!(self.cost, Cost::Pyramidal { .. }) {
+            2 * (self.rows - 1)
+        } else {
+            self.rows
+        }
+    }
+
+    fn write_force(&self, sim: &mut Simulation) {
+        let rows = self.row..self.row + self.engine_rows();
+        match self.cost {
+            Cost::Pyramidal { friction, .. } => {
+                let edges = sim.efc_force_mut()[rows.clone()].chunks_exact_mut(2);
+                for (j, edge) in edges.enumerate() {
+                    let along = self.force[j + 1] / friction[j];
+                    edge.copy_from_slice(&[0.5 * (self.pairs[j] + along), 0.5 * (self.pairs[j] - along)]);
+                }
+            }
+            _ => sim.efc_force_mut()[rows.clone()].copy_from_slice(&self.force[..self.rows]),
+        }
+        for row in rows {
+            let force = sim.efc_force()[row];
+            let state = match (self.cost, self.active_sets[0]) {
+                (Cost::Elliptic { .. }, ActiveSet::Slide) => RowState::Cone,
+                (Cost::Bounded { limit, .. }, _) if force >= limit => RowState::AtUpperLimit,
+                (Cost::Bounded { limit, .. }, _) if force <= -limit => RowState::AtLowerLimit,
+                (Cost::Bounded { .. }, _) => RowState::Quadratic,
+                _ if force == 0.0 => RowState::Satisfied,
+                _ => RowState::Quadratic,
+            };
+            sim.efc_state_mut()[row] = state.raw();
+        }
+    }
+}

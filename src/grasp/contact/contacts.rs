@@ -1,0 +1,346 @@
+//! The contacts between hand and target, read from the engine's collision stage.
+
+use crate::grasp::cones::inverse_inertia::Spatial;
+use crate::grasp::contact::cost::ActiveSet;
+use crate::grasp::contact::softness::ContactParameters;
+use crate::grasp::hand::topology::Topology;
+use crate::grasp::monitor::wrench::LoadedContact;
+use crate::mujoco::{BodyId, Contact, Simulation};
+use nalgebra::Vector3;
+
+/// One contact between a link of the hand and the target, with the force that it exerts.
+///
+/// Frame: world. Signs: `axes[0]`, the normal, points into the target; forces are those on the target; velocities are
+/// target minus link.
+#[derive(Clone, Debug)]
+pub struct GraspContact {
+    /// Body of the hand.
+    pub link_id: BodyId,
+    /// Index of the link's body.
+    pub link: usize,
+    /// Index of the target's body.
+    pub target: usize,
+    /// The two geoms, in the engine's order.
+    pub geoms: (usize, usize),
+    /// True if the target is the engine's first body of this contact.
+    pub target_first: bool,
+    /// Index in the engine's contact list of this step.
+    pub index: usize,
+    /// Finger that the link belongs to; `None` for the palm.
+    pub finger: Option<usize>,
+    /// Midpoint between the two surfaces \[m\].
+    pub position: Vector3<f64>,
+    /// Normal into the target, and two tangents.
+    pub axes: [Vector3<f64>; 3],
+    /// Distance, friction and softness.
+    pub parameters: ContactParameters,
+    /// Force of each row: normal, two tangents \[N\], spin, two rolling \[N m\].
+    pub force_rows: [f64; 6],
+    /// Force on the target \[N\].
+    pub force: Vector3<f64>,
+    /// Torque on the target besides that of `force` at `position` \[N m\].
+    pub torque: Vector3<f64>,
+    /// Where the contact stands on its cone: in the pass with soft contacts, and in the friction pass.
+    pub active_sets: [ActiveSet; 2],
+    /// Force of each row in the pass with soft contacts.
+    pub(in crate::grasp) main: [f64; 6],
+    /// True if the grasp's solver solved it, in both passes.
+    pub(in crate::grasp) solved: bool,
+    /// Tangential velocity of the target relative to the link \[m/s\].
+    pub slip_velocity: Vector3<f64>,
+    /// The same contact in the last step, if it existed.
+    warm_start: Option<WarmStart>,
+}
+
+/// What a contact remembers of the last step, in this step's axes.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::grasp) struct WarmStart {
+    /// Force of each row in the pass with soft contacts.
+    pub main: [f64; 6],
+    /// Friction: two tangents, spin, two rolling.
+    pub friction: [f64; 5],
+    /// What the friction pass changed in it; `None` if the engine solved the contact.
+    pub correction: Option<[f64; 5]>,
+    /// Where on its cone it was.
+    pub active_sets: [ActiveSet; 2],
+}
+
+/// What a contact hands on to the next step.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(in crate::grasp) struct SavedContact {
+    /// The two geoms, in the engine's order.
+    pub geoms: (usize, usize),
+    pub position: Vector3<f64>,
+    /// Force of each row in the pass with soft contacts.
+    pub main: [f64; 6],
+    /// Friction force and torque, world axes.
+    pub friction: [Vector3<f64>; 2],
+    /// What the friction pass changed in them; `None` if the engine solved the contact.
+    pub correction: Option<[Vector3<f64>; 2]>,
+    pub active_sets: [ActiveSet; 2],
+}
+
+impl SavedContact {
+    fn of(contact: &GraspContact) -> SavedContact {
+        let [n, t1, t2] = &contact.axes;
+        let (f, main) = (&contact.force_rows, &contact.main);
+        let friction = [contact.force - n * f[0], contact.torque];
+        let soft = [t1 * main[1] + t2 * main[2], n * main[3] + t1 * main[4] + t2 * main[5]];
+        let correction = [friction[0] - soft[0], friction[1] - soft[1]];
+        SavedContact {
+            geoms: contact.geoms,
+            position: contact.position,
+            main: *main,
+            friction,
+            correction: contact.solved.then_some(correction),
+            active_sets: contact.active_sets,
+        }
+    }
+
+    /// True if every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let vectors = self.friction.iter().chain(self.correction.iter().flatten()).chain([&self.position]);
+        vectors.flat_map(|v| v.iter()).chain(&self.main).all(|x| x.is_finite())
+    }
+}
+
+impl GraspContact {
+    /// Normal force \[N\], never negative. In a merged grasp (limits "box" and "rigid") a contact can pull, since its
+    /// row is bilateral: that counts as no force here.
+    pub fn normal_force(&self) -> f64 {
+        self.force_rows[0].max(0.0)
+    }
+
+    /// Rows' forces from the world force and torque.
+    fn set_force(&mut self, force: Vector3<f64>, torque: Vector3<f64>) {
+        for (i, axis) in self.axes.iter().enumerate() {
+            self.force_rows[i] = axis.dot(&force);
+            self.force_rows[i + 3] = axis.dot(&torque);
+        }
+        self.force = force;
+        self.torque = torque;
+    }
+
+    /// World force and torque from the rows' forces.
+    pub fn update_force(&mut self) {
+        let [n, t1, t2] = &self.axes;
+        let f = &self.force_rows;
+        self.force = n * f[0] + t1 * f[1] + t2 * f[2];
+        self.torque = n * f[3] + t1 * f[4] + t2 * f[5];
+    }
+
+    /// True while friction is at its limit.
+    pub fn is_sliding(&self) -> bool {
+        match self.active_sets[1] {
+            ActiveSet::Slide => true,
+            ActiveSet::Facet(saturated) => saturated != 0,
+            ActiveSet::Open | ActiveSet::Stick => false,
+        }
+    }
+
+    /// The same contact in the last step; `None` for a new contact.
+    pub(in crate::grasp) fn warm_start(&self) -> Option<&WarmStart> {
+        self.warm_start.as_ref()
+    }
+
+    /// The forces of the rows that the engine would have for this contact, and their number: the contact's own, or those
+    /// of a pyramid's edges. The axes of a contact and the engine's point opposite ways if the target comes first, and so do
+    /// the forces: the rows are alike.
+    pub(in crate::grasp) fn engine_rows(&self, pyramidal: bool) -> ([f64; 10], usize) {
+        let mut rows = [0.0; 10];
+        let condim = self.parameters.condim;
+        if condim == 1 || !pyramidal {
+            rows[..condim].copy_from_slice(&self.force_rows[..condim]);
+            return (rows, condim);
+        }
+        let share = self.force_rows[0] / (condim - 1) as f64;
+        for (j, edges) in rows.chunks_exact_mut(2).take(condim - 1).enumerate() {
+            let along = self.force_rows[j + 1] / self.parameters.friction[j];
+            edges.copy_from_slice(&[0.5 * (share + along), 0.5 * (share - along)]);
+        }
+        (rows, 2 * (condim - 1))
+    }
+
+    /// The wrench of a unit force of row `i` on the target, `[torque about point; force]`.
+    pub fn unit_wrench(&self, i: usize, point: &Vector3<f64>) -> Spatial {
+        let axis = &self.axes[i % 3];
+        if i < 3 { spatial(&(self.position - point).cross(axis), axis) } else { spatial(axis, &Vector3::zeros()) }
+    }
+
+    /// The wrench of this contact on the target, `[torque about point; force]`.
+    pub fn wrench_about(&self, point: &Vector3<f64>) -> Spatial {
+        spatial(&((self.position - point).cross(&self.force) + self.torque), &self.force)
+    }
+
+    /// The contact as the quality measures take it.
+    pub fn loaded(&self) -> LoadedContact {
+        LoadedContact {
+            position: self.position,
+            normal: self.axes[0],
+            tangents: [self.axes[1], self.axes[2]],
+            condim: self.parameters.condim,
+            friction: self.parameters.friction,
+            normal_force: self.normal_force(),
+            force: self.force,
+            torque: self.torque,
+        }
+    }
+
+    fn read(contact: &Contact, index: usize, sim: &Simulation, topology: &Topology) -> Option<GraspContact> {
+        let (b1, b2) = (contact.bodies[0].index(), contact.bodies[1].index());
+        let (link_id, target, sign) = if topology.in_hand(b1) && topology.in_target(b2) {
+            (contact.bodies[0], b2, 1.0)
+        } else if topology.in_hand(b2) && topology.in_target(b1) {
+            (contact.bodies[1], b1, -1.0)
+        } else {
+            return None;
+        };
+        let weights = sim.model().body_invweight0();
+        // turning all three axes when the target comes first keeps the rows of the engine
+        let axis = |i: usize| contact.frame.row(i).transpose() * sign;
+        Some(GraspContact {
+            link_id,
+            link: link_id.index(),
+            target,
+            geoms: (contact.geoms[0].index(), contact.geoms[1].index()),
+            target_first: sign < 0.0,
+            index,
+            finger: topology.finger(link_id.index()),
+            position: contact.position,
+            axes: [axis(0), axis(1), axis(2)],
+            parameters: ContactParameters {
+                solref: contact.solref,
+                solimp: contact.solimp,
+                dist: contact.dist,
+                margin: contact.include_margin,
+                condim: contact.condim,
+                friction: contact.friction,
+                inverse_weight: weights[2 * b1] + weights[2 * b2],
+            },
+            force_rows: [0.0; 6],
+            force: Vector3::zeros(),
+            torque: Vector3::zeros(),
+            active_sets: [ActiveSet::Open; 2],
+            main: [0.0; 6],
+            solved: false,
+            slip_velocity: Vector3::zeros(),
+            warm_start: None,
+        })
+    }
+}
+
+/// The contacts of this step and the memory of the last one's. Buffers are reused.
+#[derive(Clone, Debug, Default)]
+pub struct ContactSet {
+    now: Vec<GraspContact>,
+    before: Vec<SavedContact>,
+    /// `before` was given, and no step has been made since.
+    restored: bool,
+}
+
+impl ContactSet {
+    /// Reads the contacts between hand and target: the engine's of this step, or others in its order. Those that the
+    /// engine keeps out of its solve because they lie within the gap are left out.
+    pub fn read(&mut self, detected: impl Iterator<Item = Contact>, sim: &Simulation, topology: &Topology) {
+        if !std::mem::take(&mut self.restored) {
+            self.before.clear();
+            self.before.extend(self.now.iter().map(SavedContact::of));
+        }
+        self.now.clear();
+        for (index, contact) in detected.enumerate() {
+            if contact.excluded {
+                continue;
+            }
+            if let Some(mut contact) = GraspContact::read(&contact, index, sim, topology) {
+                contact.warm_start = self.remembered(&contact);
+                self.now.push(contact);
+            }
+        }
+    }
+
+    /// The nearest contact of the same two geoms in the last step.
+    fn remembered(&self, contact: &GraspContact) -> Option<WarmStart> {
+        let distance = |past: &SavedContact| (past.position - contact.position).norm_squared();
+        let before = self
+            .before
+            .iter()
+            .filter(|c| c.geoms == contact.geoms)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let rows = |[force, torque]: &[Vector3<f64>; 2]| -> [f64; 5] {
+            let [n, t1, t2] = &contact.axes;
+            [force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)]
+        };
+        Some(WarmStart {
+            main: before.main,
+            friction: rows(&before.friction),
+            correction: before.correction.as_ref().map(rows),
+            active_sets: before.active_sets,
+        })
+    }
+
+    /// What the next step remembers of the contacts, into `out`.
+    pub(in crate::grasp) fn save_into(&self, out: &mut Vec<SavedContact>) {
+        out.clear();
+        if self.restored {
+            out.extend_from_slice(&self.before);
+        } else {
+            out.extend(self.now.iter().map(SavedContact::of));
+        }
+    }
+
+    /// No contacts now; the next step remembers `past`.
+    pub(in crate::grasp) fn restore(&mut self, past: &[SavedContact]) {
+        self.now.clear();
+        self.before.clear();
+        self.before.extend_from_slice(past);
+        self.restored = true;
+    }
+
+    /// Reads the forces that the engine's own solve gave these contacts.
+    pub fn read_forces(&mut self, sim: &Simulation) -> Result<(), crate::mujoco::Error> {
+        for contact in &mut self.now {
+            let on_body2 = sim.contact_force(contact.index)?;
+            let sign = if contact.target_first { -1.0 } else { 1.0 };
+            contact.set_force(on_body2.force * sign, on_body2.torque * sign);
+        }
+        Ok(())
+    }
+
+    /// Relative velocities at the contact points, from the bodies' velocities of this step.
+    pub fn read_slip(&mut self, sim: &Simulation) {
+        for contact in &mut self.now {
+            let velocity = point_velocity(sim, contact.target, &contact.position)
+                - point_velocity(sim, contact.link, &contact.position);
+            let n = &contact.axes[0];
+            contact.slip_velocity = velocity - n * n.dot(&velocity);
+        }
+    }
+
+    /// The contacts of this step.
+    pub fn contacts(&self) -> &[GraspContact] {
+        &self.now
+    }
+
+    /// The contacts of this step, for the solver.
+    pub fn contacts_mut(&mut self) -> &mut [GraspContact] {
+        &mut self.now
+    }
+
+    /// True if a link on `effectors` touches the target with a force.
+    pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
+        self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
+    }
+}
+
+fn spatial(rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Spatial {
+    Spatial::new(rotation.x, rotation.y, rotation.z, translation.x, translation.y, translation.z)
+}
+
+/// Velocity of the material point of `body` at `point`, world axes \[m/s\].
+fn point_velocity(sim: &Simulation, body: usize, point: &Vector3<f64>) -> Vector3<f64> {
+    let twist = &sim.cvel()[6 * body..6 * body + 6];
+    let root = sim.model().body_rootid()[body] as usize;
+    let reference = Vector3::from_column_slice(&sim.subtree_com()[3 * root..3 * root + 3]);
+    let (turn, move_) = (Vector3::from_column_slice(&twist[..3]), Vector3::from_column_slice(&twist[3..]));
+    move_ + turn.cross(&(point - reference))
+}

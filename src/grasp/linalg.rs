@@ -1,0 +1,155 @@
+//! Small dense kernels on slices (row-major): sizes are known only at run time and too small for a library's blocking.
+
+use crate::grasp::cones::arrow::{ROOT, RootVector};
+
+/// `sum x_i y_i`, in four strands so that the additions do not wait for each other.
+#[inline(always)]
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
+    let mut strands = [0.0; 4];
+    let (xs, ys) = (x.chunks_exact(4), y.chunks_exact(4));
+    let rest: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in xs.zip(ys) {
+        for k in 0..4 {
+            strands[k] += a[k] * b[k];
+        }
+    }
+    rest + (strands[0] + strands[2]) + (strands[1] + strands[3])
+}
+
+/// Euclidean norm.
+pub fn norm(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
+}
+
+/// `y += a x`
+#[inline(always)]
+pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
+}
+
+/// Solves `A x = b` in place for a symmetric positive definite `A`, of which the lower triangle is read and replaced by
+/// its factor. A pivot that rounding makes non-positive is raised to the smallest positive number: the callers'
+/// matrices are bounded below by the identity.
+#[inline(always)]
+pub fn cholesky_solve(a: &mut [RootVector; ROOT], b: &mut RootVector) {
+    let mut inverse = [0.0; ROOT];
+    for j in 0..ROOT {
+        let (head, tail) = a.split_at_mut(j + 1);
+        let row = &mut head[j];
+        let pivot = row[j] - dot(&row[..j], &row[..j]);
+        inverse[j] = 1.0 / pivot.max(f64::MIN_POSITIVE).sqrt();
+        for below in tail {
+            below[j] = (below[j] - dot(&below[..j], &row[..j])) * inverse[j];
+        }
+        b[j] = (b[j] - dot(&row[..j], &b[..j])) * inverse[j];
+    }
+    for j in (0..ROOT).rev() {
+        b[j] *= inverse[j];
+        let x = b[j];
+        axpy(-x, &a[j][..j], &mut b[..j]);
+    }
+}
+
+/// Lower Cholesky factor in place, row-major, of a symmetric matrix that is at least the identity; the lower triangle is
+/// read and replaced.
+#[inline(always)]
+pub fn cholesky(a: &mut [f64], n: usize) {
+    for i in 0..n {
+        let (above, rest) = a.split_at_mut(i * n);
+        let row = &mut rest[..n];
+        for j in 0..i {
+            let other = &above[j * n..j * n + j + 1];
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+        }
+        row[i] = (row[i] - dot(&row[..i], &row[..i])).max(f64::MIN_POSITIVE).sqrt();
+    }
+}
+
+/// Solves `L L' x = b` in place.
+#[inline(always)]
+pub fn cholesky_backsolve(l: &[f64], n: usize, b: &mut [f64]) {
+    for j in 0..n {
+        b[j] = (b[j] - dot(&l[j * n..j * n + j], &b[..j])) / l[j * n + j];
+    }
+    for j in (0..n).rev() {
+        b[j] /= l[j * n + j];
+        let x = b[j];
+        axpy(-x, &l[j * n..j * n + j], &mut b[..j]);
+    }
+}
+
+/// Largest negative or zero pivot, relative to the largest diagonal, that counts as zero.
+const RANK_TOLERANCE: f64 = 1e-14;
+
+/// Lower factor, row-major into `l`, of the positive semidefinite n x n matrix with these entries; a pivot that rounding
+/// makes zero or less gives a column of zeros.
+pub fn semidefinite_factor(n: usize, entry: impl Fn(usize, usize) -> f64, l: &mut [f64]) {
+    let floor = RANK_TOLERANCE * (0..n).map(|i| entry(i, i)).fold(0.0, f64::max);
+    for i in 0..n {
+        let (above, rest) = l.split_at_mut(i * n);
+        let row = &mut rest[..n];
+        for j in 0..i {
+            let other = &above[j * n..j * n + j + 1];
+            row[j] = if other[j] > 0.0 { (entry(i, j) - dot(&row[..j], &other[..j])) / other[j] } else { 0.0 };
+        }
+        let pivot = entry(i, i) - dot(&row[..i], &row[..i]);
+        row[i] = if pivot > floor { pivot.sqrt() } else { 0.0 };
+        row[i + 1..].fill(0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::needless_range_loop)]
+    use super::*;
+
+    /// A matrix of rank `rank`, at least the identity if `shift` is one.
+    fn gram(n: usize, rank: usize, shift: f64) -> Vec<f64> {
+        let row = |i: usize| -> Vec<f64> { (0..rank).map(|k| ((i * 5 + k * 3) as f64 * 1.7).sin()).collect() };
+        (0..n * n).map(|ij| dot(&row(ij / n), &row(ij % n)) + if ij % (n + 1) == 0 { shift } else { 0.0 }).collect()
+    }
+
+    #[test]
+    fn cholesky_solves_what_was_multiplied() {
+        let n = 7;
+        let a = gram(n, 5, 1.0);
+        let x: Vec<f64> = (0..n).map(|i| i as f64 - 1.5).collect();
+        let mut b: Vec<f64> = (0..n).map(|i| dot(&a[i * n..(i + 1) * n], &x)).collect();
+        let mut l = a;
+        cholesky(&mut l, n);
+        cholesky_backsolve(&l, n, &mut b);
+        assert!(b.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_semidefinite_factor_gives_the_matrix_back() {
+        for rank in 1..=6 {
+            let n = 6;
+            let a = gram(n, rank, 0.0);
+            let mut l = vec![f64::NAN; n * n];
+            semidefinite_factor(n, |i, j| a[i * n + j], &mut l);
+            for i in 0..n {
+                for j in 0..n {
+                    let product = dot(&l[i * n..(i + 1) * n], &l[j * n..(j + 1) * n]);
+                    assert!((product - a[i * n + j]).abs() < 1e-6, "rank {rank}: {product} for {}", a[i * n + j]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn factors_a_positive_definite_matrix() {
+        let mut a = [[0.0; ROOT]; ROOT];
+        for i in 0..ROOT {
+            for j in 0..ROOT {
+                a[i][j] = (-((i as f64 - j as f64) / 3.0).powi(2)).exp() + f64::from(i == j);
+            }
+        }
+        let x: RootVector = std::array::from_fn(|i| (i as f64).cos());
+        let mut b: RootVector = std::array::from_fn(|i| dot(&a[i], &x));
+        cholesky_solve(&mut a, &mut b);
+        assert!(b.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+}

@@ -1,0 +1,6 @@
+//! Grasp quality as the field measures it: for reports, not for every step.
+pub mod closure;
+mod conic;
+pub mod hull;
+pub mod quality;
+mod quickhull;
