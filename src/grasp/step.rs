@@ -1,14 +1,15 @@
 //! One step of a simulation under grasp controllers.
 //!
-//! Contacts leave the engine's solve between its collision stage and its constraint making; the grasp is solved once
-//! the smooth accelerations are known, and its forces take part in the engine's solve of everything else.
+//! While nothing is latched a step is MuJoCo's own, bit for bit. Contacts of a latched grasp leave the engine's solve
+//! between its collision stage and its constraint making; the grasp is solved once the smooth accelerations are known,
+//! and its forces take part in the engine's solve of everything else.
 
 use super::controller::Grasp;
 use super::dense;
 use super::error::Error;
 use super::phase::Phase;
 use super::weld;
-use crate::mujoco::{ENABLE_ENERGY, Simulation};
+use crate::mujoco::{ENABLE_ENERGY, ENABLE_FWDINV, Simulation};
 use std::time::{Duration, Instant};
 
 /// A stopwatch over the parts of a step that exist because of contacts or grasps.
@@ -43,31 +44,61 @@ impl Clock for NoClock {
 
 /// Advances `sim` by one step under `grasps`: MuJoCo's step, with the contacts of each latched grasp replaced.
 ///
+/// While nothing is latched this is [`Simulation::step`] bit for bit. A step with a latched grasp has no islands and lets
+/// nothing sleep (MuJoCo 3): what sleeps is woken. The model keeps its flags.
+///
 /// # Errors
 /// What the engine reports, or a grasp solve that met numbers that are not finite.
 pub fn step(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
-    advance(sim, grasps, &mut NoClock)
+    weld::adapt_settings(sim, grasps)?;
+    if grasps.iter().any(|g| g.phase() == Phase::Grasped) {
+        in_stages(sim, grasps, &mut NoClock)
+    } else {
+        whole(sim, grasps)
+    }
 }
 
 /// As [`step`], and adds the time of the contact part (collision, making and projecting constraints, solving, and all
-/// work of the grasps) to `clock`.
+/// work of the grasps) to `clock`. Here a step without a latched grasp has neither islands nor sleeping either, as its
+/// contact part could not be told from the rest.
 ///
 /// # Errors
 /// As [`step`].
 pub fn step_timed(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut StageClock) -> Result<(), Error> {
-    advance(sim, grasps, clock)
+    weld::adapt_settings(sim, grasps)?;
+    in_stages(sim, grasps, clock)
 }
 
-/// A step of the engine's own solve, stage by stage, with the contact part timed.
+/// A step of the engine's own solve, stage by stage, with the contact part timed; without islands and sleeping, as in
+/// [`step_timed`].
 ///
 /// # Errors
 /// What the engine reports.
 pub fn engine_step_timed(sim: &mut Simulation, clock: &mut StageClock) -> Result<(), Error> {
-    advance(sim, &mut [], clock)
+    in_stages(sim, &mut [], clock)
+}
+
+/// The engine's step, whose contacts are read before it integrates.
+fn whole(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
+    sim.check_staged_integrator()?;
+    sim.check_pos()?;
+    sim.check_vel()?;
+    sim.forward()?;
+    sim.check_acc()?;
+    for grasp in grasps {
+        grasp.observe_ungrasped(sim)?;
+    }
+    if sim.model().enable_flags() & ENABLE_FWDINV != 0 {
+        sim.compare_forward_inverse()?;
+    }
+    Ok(sim.integrate()?)
+}
+
+fn in_stages(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -> Result<(), Error> {
+    sim.without_islands(|sim| advance(sim, grasps, clock))
 }
 
 fn advance(sim: &mut Simulation, grasps: &mut [Grasp], clock: &mut impl Clock) -> Result<(), Error> {
-    weld::adapt_settings(sim, grasps)?;
     sim.check_pos()?;
     sim.check_vel()?;
     sim.kinematics()?;

@@ -74,3 +74,5 @@ pub fn mujoco_version() -> String {
 pub const DISABLE_REFSAFE: u32 = ffi::mjDSBL_REFSAFE;
 /// Enable flag: energies are computed in every step.
 pub const ENABLE_ENERGY: u32 = ffi::mjENBL_ENERGY;
+/// Forward and inverse dynamics are compared in every step.
+pub const ENABLE_FWDINV: u32 = ffi::mjENBL_FWDINV;

@@ -11,7 +11,8 @@
 //! | forces | [`actuation`](Simulation::actuation), [`acceleration`](Simulation::acceleration), [`constraint`](Simulation::constraint), [`sensor_acc`](Simulation::sensor_acc) |
 //! | integration | [`check_acc`](Simulation::check_acc), [`integrate`](Simulation::integrate) |
 //!
-//! Run in that order they give [`step`](Simulation::step) bit for bit. Each method returns the fault, if any, and what
+//! Run in that order they give [`step`](Simulation::step) bit for bit, where the model has neither islands nor sleeping
+//! (MuJoCo 3), which have stages that the engine does not publish. Each method returns the fault, if any, and what
 //! the engine silently did meanwhile: [`Error::BufferFull`], [`Error::Diverged`], [`Error::BadControl`].
 
 use super::compat;
@@ -147,7 +148,6 @@ impl Simulation {
 
     /// `Ok` if the model's integrator can run in stages.
     pub fn check_staged_integrator(&self) -> Result<(), Error> {
-        compat::check_stages(self.model_fields())?;
         match self.model().integrator() {
             Integrator::Euler | Integrator::Implicit | Integrator::ImplicitFast => Ok(()),
             other => Err(Error::Unsupported(format!(
@@ -157,9 +157,12 @@ impl Simulation {
     }
 
     /// One time step, stage by stage: the same as [`step`](Self::step) bit for bit. On an error the
-    /// rest of the step is not made.
+    /// rest of the step is not made. A model with islands or sleeping cannot be stepped so: [`Error::Unsupported`].
     pub fn step_in_stages(&mut self) -> Result<(), Error> {
         self.check_staged_integrator()?;
+        if self.model().has_islands() || self.model().has_sleeping() {
+            return Err(Error::Unsupported("a step in stages needs islands and sleeping switched off".into()));
+        }
         let enabled = self.model().enable_flags();
         let energy = enabled & ffi::mjENBL_ENERGY != 0;
         self.check_pos()?;
