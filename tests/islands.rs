@@ -9,7 +9,8 @@ use bits::bits;
 use claw::Claw;
 use mujoco_grasp::grasp::{self, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
-use mujoco_grasp::scenario::{Mode, Plan, Runner};
+use mujoco_grasp::scenario::plan::Plan;
+use mujoco_grasp::scenario::runner::{Mode, Runner};
 
 /// A stack, a box beside it, and one that leans on nothing: islands of their own.
 const BOXES: &str = "
