@@ -205,15 +205,24 @@ fn bench_times_all_four_variants() {
         let b = &json[phase];
         assert_eq!(b["steps"], 500);
         let time = |variant: &str, part: &str| b[variant][part].as_f64().unwrap();
-        for variant in ["full", "full_noslip", "grasp", "floor"] {
+        // MuJoCo 3 steps full with the model's islands, which leaves its contact part untold
+        let staged = ["full", "full_noslip", "grasp", "floor"].into_iter().filter(|v| *v == "grasp" || !cfg!(mujoco3));
+        for variant in staged {
             assert!(time(variant, "step_us") > time(variant, "contact_us"), "{phase} {variant}");
         }
         assert!(time("floor", "step_us") < time("full", "step_us"));
-        assert!(time("floor", "contact_us") < 0.5 * time("full", "contact_us"), "{b}");
         assert_eq!(b["grasp"]["unlatched_steps"], 0);
         let close = |ratio: &str, value: f64| assert!((b["ratio"][ratio].as_f64().unwrap() - value).abs() < 1e-9);
-        close("contact", time("full", "contact_us") / time("grasp", "contact_us"));
-        close("contact_noslip", time("full_noslip", "contact_us") / time("grasp", "contact_us"));
+        if cfg!(mujoco3) {
+            for variant in ["full", "full_noslip", "floor"] {
+                assert!(b[variant]["contact_us"].is_null(), "{phase} {variant}");
+            }
+            assert!(b["ratio"]["contact"].is_null() && b["ratio"]["contact_noslip"].is_null());
+        } else {
+            assert!(time("floor", "contact_us") < 0.5 * time("full", "contact_us"), "{b}");
+            close("contact", time("full", "contact_us") / time("grasp", "contact_us"));
+            close("contact_noslip", time("full_noslip", "contact_us") / time("grasp", "contact_us"));
+        }
         close("step", time("full", "step_us") / time("grasp", "step_us"));
         close("step_noslip", time("full_noslip", "step_us") / time("grasp", "step_us"));
         close("step_over_floor", time("grasp", "step_us") / time("floor", "step_us"));

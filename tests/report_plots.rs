@@ -239,7 +239,7 @@ fn points_that_cannot_be_shown_are_counted_and_none_is_an_error() {
 }
 
 fn bench() -> BenchTable {
-    let timing = |step_us, contact_us| Timing { step_us, contact_us };
+    let timing = |step_us, contact_us| Timing { step_us, contact_us: Some(contact_us) };
     BenchTable {
         title: "cost".to_owned(),
         rows: vec![BenchRow {
@@ -293,10 +293,10 @@ fn bars_are_as_long_as_their_times() {
 fn impossible_times_are_named() {
     assert!(matches!(BenchTable::default().svg(), Err(ReportError::Empty { .. })));
     let mut table = bench();
-    table.rows[0].grasp.contact_us = 151.0;
+    table.rows[0].grasp.contact_us = Some(151.0);
     let message = table.svg().expect_err("more than the step").to_string();
     assert!(message.contains("contact_us") && message.contains("grasp"), "{message}");
-    table.rows[0].grasp.contact_us = f64::NAN;
+    table.rows[0].grasp.contact_us = Some(f64::NAN);
     assert!(table.svg().is_err());
     let mut table = bench();
     table.rows[0].floor.step_us = 0.0;

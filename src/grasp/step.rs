@@ -14,6 +14,9 @@ use std::time::{Duration, Instant};
 impl Grasps {
     /// Advances `sim` by one step: MuJoCo's step, with the contacts of each latched grasp replaced.
     ///
+    /// While nothing is latched this is [`Simulation::step`] bit for bit. A step with a latched grasp has no islands and lets
+    /// nothing sleep (MuJoCo 3): what sleeps is woken. The model keeps its flags.
+    ///
     /// # Errors
     /// A simulation of another model; what the engine reports; a grasp solve that met numbers that are not finite. As
     /// with [`Simulation::step`], full buffers, bad controls and a reset after a bad number are reported after the step was
@@ -25,7 +28,8 @@ impl Grasps {
     }
 
     /// As [`step`](Self::step), stage by stage throughout, and adds the time of the contact part (collision, making and
-    /// projecting constraints, solving, and all work of the grasps) to `clock`.
+    /// projecting constraints, solving, and all work of the grasps) to `clock`. A step without a latched grasp has neither
+    /// islands nor sleeping here either, as its contact part could not be told from the rest.
     ///
     /// # Errors
     /// As [`step`](Self::step).

@@ -73,5 +73,3 @@ pub fn mujoco_version() -> String {
 
 /// Disable flag: `solref` is used as it is, even if it is too stiff for the time step.
 pub const DISABLE_REFSAFE: u32 = ffi::mjDSBL_REFSAFE;
-/// Enable flag: energies are computed in every step.
-pub const ENABLE_ENERGY: u32 = ffi::mjENBL_ENERGY;

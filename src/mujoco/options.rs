@@ -81,6 +81,16 @@ impl CompiledModel {
         self.options().enableflags as u32
     }
 
+    /// Whether constraints are solved island by island (MuJoCo 3, unless the `island` flag disables it).
+    pub fn has_islands(&self) -> bool {
+        compat::ISLAND != 0 && self.disable_flags() & compat::ISLAND == 0
+    }
+
+    /// Whether parts of the model that are at rest may sleep (MuJoCo 3, if the `sleep` flag enables it).
+    pub fn has_sleeping(&self) -> bool {
+        self.enable_flags() & compat::SLEEP != 0
+    }
+
     /// Whether gravity is switched on.
     pub fn has_gravity(&self) -> bool {
         self.disable_flags() & ffi::mjDSBL_GRAVITY == 0
@@ -244,6 +254,19 @@ impl Simulation {
         let flags = &mut self.options_mut().enableflags;
         let bit = ffi::mjENBL_ENERGY as i32;
         *flags = if enabled { *flags | bit } else { *flags & !bit };
+    }
+
+    /// Runs `work` with islands and sleeping switched off; the user's flags are back afterwards. What sleeps is woken by
+    /// the next [`kinematics`](Self::kinematics), as the engine does itself when sleeping is switched off.
+    pub(crate) fn without_islands<R>(&mut self, work: impl FnOnce(&mut Self) -> R) -> R {
+        let options = self.options_mut();
+        let flags = (options.disableflags, options.enableflags);
+        options.disableflags |= compat::ISLAND as i32;
+        options.enableflags &= !(compat::SLEEP as i32);
+        let result = work(self);
+        let options = self.options_mut();
+        (options.disableflags, options.enableflags) = flags;
+        result
     }
 
     fn set_disabled(&mut self, bit: u32, disabled: bool) {

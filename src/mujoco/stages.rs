@@ -11,8 +11,9 @@
 //! | forces | [`actuation`](Simulation::actuation), [`acceleration`](Simulation::acceleration), [`constraint`](Simulation::constraint), [`sensor_acc`](Simulation::sensor_acc) |
 //! | integration | [`check_acc`](Simulation::check_acc), [`integrate`](Simulation::integrate) |
 //!
-//! Run in that order they give [`step`](Simulation::step) bit for bit. Each method returns the fault, if any, and what
-//! the engine silently did meanwhile: [`Error::BufferFull`], [`Error::Diverged`], [`Error::BadControl`].
+//! Run in that order they give [`step`](Simulation::step) bit for bit, where the model has neither islands nor sleeping
+//! (MuJoCo 3), which have stages that the engine does not publish. Each method returns the fault, if any, and what the
+//! engine silently did meanwhile: [`Error::BufferFull`], [`Error::Diverged`], [`Error::BadControl`].
 
 use super::compat;
 use super::error::Error;
@@ -147,7 +148,6 @@ impl Simulation {
 
     /// `Ok` if the model's integrator can run in stages.
     pub fn check_staged_integrator(&self) -> Result<(), Error> {
-        compat::check_stages(self.model_fields())?;
         match self.model().integrator() {
             Integrator::Euler | Integrator::Implicit | Integrator::ImplicitFast => Ok(()),
             other => Err(Error::Unsupported(format!(
@@ -159,18 +159,25 @@ impl Simulation {
     /// One time step, stage by stage: the same as [`step`](Self::step) bit for bit, and with the same errors.
     ///
     /// # Errors
-    /// As [`step`](Self::step); [`Error::Unsupported`] for a model whose step cannot be taken apart.
+    /// As [`step`](Self::step); [`Error::Unsupported`] for a model with islands or sleeping, or an integrator whose step
+    /// cannot be taken apart.
     pub fn step_in_stages(&mut self) -> Result<(), Error> {
+        if self.model().has_islands() || self.model().has_sleeping() {
+            return Err(Error::Unsupported("a step in stages needs islands and sleeping switched off".into()));
+        }
         self.step_with(&mut EngineStages)
     }
 
     /// One time step of the engine, with `hooks` in the place of its contact stages. What does not end a step (full
     /// buffers, bad controls, a reset after a bad number) is reported at its end, as [`step`](Self::step) does; any other
-    /// error ends it at once.
+    /// error ends it at once. A step in stages has no islands and lets nothing sleep; the model keeps its flags.
     pub(crate) fn step_with<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
         self.check_staged_integrator()?;
         self.defer_warnings();
-        let made = self.all_stages(hooks);
+        let made = match hooks.in_stages() {
+            true => self.without_islands(|sim| sim.all_stages(hooks)),
+            false => self.all_stages(hooks),
+        };
         let deferred = self.take_deferred();
         made?;
         Ok(deferred?)

@@ -14,8 +14,8 @@ use super::panel::{tick, tick_step};
 pub struct Timing {
     /// The whole step.
     pub step_us: f64,
-    /// The part of it that is spent because of contacts or the grasp.
-    pub contact_us: f64,
+    /// The part of it that is spent because of contacts or the grasp; `None` where it cannot be told from the rest.
+    pub contact_us: Option<f64>,
 }
 
 /// One line of the bench: a scenario in one phase.
@@ -86,8 +86,9 @@ impl BenchTable {
         for row in &self.rows {
             let modes = [row.full, row.full_noslip, row.grasp];
             let mut line = vec![row.label.clone(), row.ik_us.map_or("-".to_owned(), number)];
-            line.extend(modes.map(|t| number(t.contact_us)));
-            line.extend([row.full, row.full_noslip].map(|t| ratio(t.contact_us, row.grasp.contact_us)));
+            line.extend(modes.map(|t| t.contact_us.map_or("-".to_owned(), number)));
+            let contact = |t: Timing| t.contact_us.unwrap_or(f64::NAN);
+            line.extend([row.full, row.full_noslip].map(|t| ratio(contact(t), contact(row.grasp))));
             line.extend(modes.map(|t| number(t.step_us)));
             line.push(number(row.floor.step_us));
             lines.push(line);
@@ -175,7 +176,7 @@ impl Figure for BenchTable {
                 if !(step_us.is_finite() && step_us > 0.0) {
                     return Err(bad("step_us", step_us, "finite and positive"));
                 }
-                if !(0.0..=step_us).contains(&contact_us) {
+                if let Some(contact_us) = contact_us.filter(|us| !(0.0..=step_us).contains(us)) {
                     return Err(bad("contact_us", contact_us, "between 0 and the row's step_us"));
                 }
             }
@@ -209,12 +210,13 @@ impl Figure for BenchTable {
             canvas.text(&row.label, (12.0, y + 2.0 * BAR), name_size, INK, HPos::Left)?;
             for (mode, timing) in row.modes() {
                 let (top, low, middle) = (y + 2.0, y + BAR - 2.0, y + 0.5 * BAR);
-                let contact = LABEL_WIDTH + scale * timing.contact_us;
+                let contact = LABEL_WIDTH + scale * timing.contact_us.unwrap_or(0.0);
                 let end = LABEL_WIDTH + scale * timing.step_us;
                 canvas.rectangle((LABEL_WIDTH, top), (contact, low), ORANGE)?;
                 canvas.rectangle((contact, top), (end, low), SKY)?;
                 canvas.text(mode, (LABEL_WIDTH - 8.0, middle), 14.0, INK, HPos::Right)?;
-                let numbers = format!("{} \u{b5}s ({})", number(timing.step_us), number(timing.contact_us));
+                let part = timing.contact_us.map_or_else(String::new, |us| format!(" ({})", number(us)));
+                let numbers = format!("{} \u{b5}s{part}", number(timing.step_us));
                 canvas.text(&numbers, (end + 8.0, middle), 14.0, INK, HPos::Left)?;
                 y += BAR;
             }

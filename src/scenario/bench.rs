@@ -80,7 +80,8 @@ pub struct Phases {
 pub struct Timing {
     /// Whole step \[us\].
     pub step_us: Option<f64>,
-    /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\].
+    /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\]; `None` in the engine's
+    /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages.
     pub contact_us: Option<f64>,
     /// Solver and storage of the full solves.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -307,17 +308,26 @@ impl Variant {
 
     fn step(&mut self) -> Result<(), grasp::Error> {
         let mut clock = StageClock::default();
+        let whole = self.is_whole();
         let start = Instant::now();
         match &mut self.grasps {
             Some((_, grasps)) => grasps.step_timed(&mut self.sim, &mut clock)?,
+            None if whole => self.sim.step()?,
             None => grasp::engine_step_timed(&mut self.sim, &mut clock)?,
         }
         self.step_ns.push(start.elapsed().as_nanos() as f64);
-        self.contact_ns.push(clock.contact.as_nanos() as f64);
+        if !whole {
+            self.contact_ns.push(clock.contact.as_nanos() as f64);
+        }
         if let Some((_, grasps)) = &self.grasps {
             self.unlatched += usize::from(grasps.iter().any(|g| g.phase() != Phase::Grasped));
         }
         Ok(())
+    }
+
+    /// Whether the step has parts that are not made in stages: islands and sleeping of the engine's own solve.
+    fn is_whole(&self) -> bool {
+        self.grasps.is_none() && (self.sim.model().has_islands() || self.sim.model().has_sleeping())
     }
 
     fn kept_outcome(&self) -> bool {

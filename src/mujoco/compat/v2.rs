@@ -2,7 +2,6 @@
 
 use crate::mujoco::arrays::{factor, read_arrays, slice};
 use crate::mujoco::compiled::CompiledModel;
-use crate::mujoco::error::Error;
 use crate::mujoco::ffi;
 use crate::mujoco::guard;
 use crate::mujoco::simulation::Simulation;
@@ -26,6 +25,10 @@ pub(in crate::mujoco) mod later {
     #![allow(non_upper_case_globals)]
     pub const mjINT_IMPLICITFAST: u32 = 3;
 }
+
+/// The flags of constraint islands and of sleeping: this version has neither.
+pub(in crate::mujoco) const ISLAND: u32 = 0;
+pub(in crate::mujoco) const SLEEP: u32 = 0;
 
 /// Whether the engine has an integrator, of those that the crate knows.
 pub(in crate::mujoco) fn has_integrator(number: i32) -> bool {
@@ -76,11 +79,11 @@ pub(in crate::mujoco) const SIZE_OF_CONSTRAINTS: &str = "njmax";
 
 // ---------------------------------------------------------------------------------------------------- model
 
-/// Checks and adapts a model that was just loaded.
+/// Checks a model that was just loaded.
 ///
 /// # Safety
 /// `m` is valid and nobody else's.
-pub(in crate::mujoco) unsafe fn adopt(_m: *mut ffi::mjModel) -> Result<(), String> {
+pub(in crate::mujoco) unsafe fn adopt(_m: *const ffi::mjModel) -> Result<(), String> {
     Ok(())
 }
 
@@ -373,9 +376,4 @@ impl CompiledModel {
         // SAFETY: the engine's own shape; lives as long as `self`, and whatever writes it takes `&mut`.
         unsafe { slice((*self.as_ptr()).tendon_lengthspring, self.ntendon()) }
     }
-}
-
-/// What cannot run in stages, if the model has it.
-pub(in crate::mujoco) fn check_stages(_m: &ffi::mjModel) -> Result<(), Error> {
-    Ok(())
 }

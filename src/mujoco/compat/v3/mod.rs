@@ -1,7 +1,7 @@
 //! MuJoCo 3: 3.17.0, and older ones as far as the identifiers of their headers tell what they have.
 //!
 //! What is different for this crate, besides names:
-//! - Islands and sleeping are switched off in every model: they reorder rows and leave out stages.
+//! - Islands and sleeping are the model's own affair; a step in stages has neither (their stages are not published).
 //! - Models with flexes, with actuators of several controls or forces, and with delays or stateful plugins are refused.
 //! - Contacts and rows live in the arena, without sizes of their own.
 //! - The engine's collision stage always runs: its narrow phase cannot be called alone as in 2.2.2.
@@ -17,7 +17,6 @@ pub use inertia::MassFactor;
 pub(in crate::mujoco) use inertia::{actuator_moment, full_mass_matrix};
 pub(in crate::mujoco) use messages::*;
 
-use crate::mujoco::error::Error;
 use crate::mujoco::ffi;
 use nalgebra::Vector3;
 use std::ffi::{c_char, c_int};
@@ -27,11 +26,14 @@ pub(in crate::mujoco) use ffi::mj_implicit;
 /// Constants of later headers.
 pub(in crate::mujoco) mod later {}
 
-/// The flag that lets parts of the model sleep; 0 where nothing sleeps.
+/// The disable flag of constraint islands.
+pub(in crate::mujoco) const ISLAND: u32 = ffi::mjDSBL_ISLAND;
+
+/// The enable flag of sleeping; 0 where nothing sleeps.
 #[cfg(mj_sleep)]
-const SLEEP: u32 = ffi::mjENBL_SLEEP;
+pub(in crate::mujoco) const SLEEP: u32 = ffi::mjENBL_SLEEP;
 #[cfg(not(mj_sleep))]
-const SLEEP: u32 = 0;
+pub(in crate::mujoco) const SLEEP: u32 = 0;
 
 /// Whether the engine has an integrator, of those that the crate knows.
 pub(in crate::mujoco) fn has_integrator(_number: i32) -> bool {
@@ -40,13 +42,13 @@ pub(in crate::mujoco) fn has_integrator(_number: i32) -> bool {
 
 // ---------------------------------------------------------------------------------------------------- model
 
-/// Checks and adapts a model that was just loaded.
+/// Checks a model that was just loaded.
 ///
 /// # Safety
 /// `m` is valid and nobody else's.
-pub(in crate::mujoco) unsafe fn adopt(m: *mut ffi::mjModel) -> Result<(), String> {
+pub(in crate::mujoco) unsafe fn adopt(m: *const ffi::mjModel) -> Result<(), String> {
     // SAFETY: as the caller promises.
-    let m = unsafe { &mut *m };
+    let m = unsafe { &*m };
     let refused = [
         (m.nflex > 0, "flexible bodies (flex)"),
         #[cfg(mj_actuator_outputs)]
@@ -58,8 +60,6 @@ pub(in crate::mujoco) unsafe fn adopt(m: *mut ffi::mjModel) -> Result<(), String
     if let Some((_, what)) = refused.iter().find(|(has, _)| *has) {
         return Err(format!("it has {what}, with which mujoco-grasp does not work"));
     }
-    m.opt.disableflags |= ffi::mjDSBL_ISLAND as i32;
-    m.opt.enableflags &= !(SLEEP as i32);
     Ok(())
 }
 
@@ -170,17 +170,10 @@ pub(in crate::mujoco) unsafe fn before_solver(m: *mut ffi::mjModel, d: *mut ffi:
     }
 }
 
-/// Iterations of the solver in the last solve.
+/// Iterations of the solver in the last solve, the most of all islands.
 pub(in crate::mujoco) fn solver_iter(d: &ffi::mjData) -> i32 {
-    d.solver_niter[0]
-}
-
-/// What cannot run in stages, if the model has it.
-pub(in crate::mujoco) fn check_stages(m: &ffi::mjModel) -> Result<(), Error> {
-    if m.opt.disableflags & ffi::mjDSBL_ISLAND as i32 == 0 || m.opt.enableflags & SLEEP as i32 != 0 {
-        return Err(Error::Unsupported("a step in stages needs islands and sleeping switched off".into()));
-    }
-    Ok(())
+    let islands = (d.nisland.max(1) as usize).min(d.solver_niter.len());
+    d.solver_niter[..islands].iter().copied().max().unwrap_or(0)
 }
 
 // ---------------------------------------------------------------------------------------------------- collision
