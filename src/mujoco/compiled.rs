@@ -8,10 +8,13 @@ use super::guard;
 use super::ids::*;
 use std::ffi::{CStr, CString};
 use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// MuJoCo's compiled model: sizes, parameters (see the array methods) and names. Nothing here can change it.
 pub struct CompiledModel {
     ptr: NonNull<ffi::mjModel>,
+    /// The same for all copies of one loaded model, and no other's.
+    origin: u64,
 }
 
 // SAFETY: the model is plain memory owned by this value; every method that takes `&self` only reads it.
@@ -74,7 +77,14 @@ impl CompiledModel {
     /// # Safety
     /// `ptr` is a valid model that nobody else owns.
     pub(super) unsafe fn from_raw(ptr: NonNull<ffi::mjModel>) -> Self {
-        Self { ptr }
+        static LOADED: AtomicU64 = AtomicU64::new(0);
+        Self { ptr, origin: LOADED.fetch_add(1, Ordering::Relaxed) }
+    }
+
+    /// Whether both are copies of one loaded model: all sizes, names and addresses are the same. The same file loaded
+    /// twice gives two models.
+    pub fn is_copy_of(&self, other: &Self) -> bool {
+        self.origin == other.origin
     }
 
     /// A private copy.
@@ -82,7 +92,7 @@ impl CompiledModel {
         // SAFETY: a null destination makes the engine allocate a new model.
         let copy = guard::call("mj_copyModel", || unsafe { ffi::mj_copyModel(std::ptr::null_mut(), self.as_ptr()) })?;
         match NonNull::new(copy) {
-            Some(ptr) => Ok(Self { ptr }),
+            Some(ptr) => Ok(Self { ptr, origin: self.origin }),
             None => Err(Error::Engine { call: "mj_copyModel", message: "no model was returned".into() }),
         }
     }

@@ -209,10 +209,11 @@ impl<'a> MassFactor<'a> {
     }
 
     /// `L` entries of a degree of freedom for its ancestors, the nearest first; what comes after the last ancestor has no
-    /// meaning, and missing ones are zero.
+    /// meaning, and missing ones are zero. Nothing for a degree of freedom that does not exist.
     #[inline]
     pub fn ancestors(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
-        self.values[self.diagonal[dof] as usize + 1..].iter().copied()
+        let diagonal = self.diagonal.get(dof).map_or(usize::MAX, |&address| address as usize);
+        self.values.get(diagonal.saturating_add(1)..).unwrap_or_default().iter().copied()
     }
 }
 
