@@ -7,7 +7,7 @@ mod claw;
 
 use bits::bits;
 use claw::Claw;
-use mujoco_grasp::grasp::{GraspId, Phase};
+use mujoco_grasp::grasp::{GraspId, Grasps, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::{Mode, Runner};
@@ -68,11 +68,11 @@ fn full_mode_with_few_iterations_is_the_users_mujoco() {
             sim.ctrl_mut().copy_from_slice(full.sim().ctrl());
             sim.step().unwrap();
         }
-        assert!(bits(full.sim(), &[]) == bits(&plain, &[]), "step {step}");
+        assert!(bits(full.sim(), &Grasps::new()) == bits(&plain, &Grasps::new()), "step {step}");
     }
     assert_eq!(flags(full.sim()), flags(&plain));
     assert_eq!(
-        bits(&plain, &[]) != bits(&joined, &[]),
+        bits(&plain, &Grasps::new()) != bits(&joined, &Grasps::new()),
         cfg!(mujoco3),
         "islands must matter here, or nothing was shown"
     );
@@ -87,7 +87,7 @@ fn before_the_first_latch_a_grasp_step_is_mujocos_bit_for_bit() {
         while claw.grasp().phase() == Phase::Ungrasped {
             claw.step();
             plain.step().unwrap();
-            assert!(bits(&claw.sim, &[]) == bits(&plain, &[]), "{options}: step {steps}");
+            assert!(bits(&claw.sim, &Grasps::new()) == bits(&plain, &Grasps::new()), "{options}: step {steps}");
             steps += 1;
             assert!(steps < 1000, "{options}: it never latched");
         }
@@ -105,7 +105,7 @@ fn before_the_first_latch_a_grasp_step_is_mujocos_bit_for_bit() {
         for step in 0..1000 {
             claw.grasps.step(&mut stepped).unwrap();
             plain.step().unwrap();
-            assert!(bits(&stepped, &[]) == bits(&plain, &[]), "{options}: step {step} from the start");
+            assert!(bits(&stepped, &Grasps::new()) == bits(&plain, &Grasps::new()), "{options}: step {step} from the start");
         }
     }
 }

@@ -68,7 +68,7 @@ impl Grasps {
     pub fn add(&mut self, sim: &Simulation, spec: &GraspSpec) -> Result<GraspId, Error> {
         self.check_model(sim)?;
         self.list.push(Grasp::new(sim, spec)?);
-        self.model.get_or_insert_with(|| (sim.model().compilation(), Structure::of(sim.model())));
+        self.model.get_or_insert_with(|| (sim.model().origin(), Structure::of(sim.model())));
         Ok(GraspId(self.list.len() - 1))
     }
 
@@ -167,9 +167,9 @@ impl Grasps {
     /// That `sim` is of the model that the grasps are made for: compiled as one with it, or alike in structure.
     pub(super) fn check_model(&mut self, sim: &Simulation) -> Result<(), Error> {
         match &mut self.model {
-            Some((compilation, structure)) if *compilation != sim.model().compilation() => {
+            Some((origin, structure)) if *origin != sim.model().origin() => {
                 structure.check(&Structure::of(sim.model()))?;
-                *compilation = sim.model().compilation();
+                *origin = sim.model().origin();
                 Ok(())
             }
             _ => Ok(()),

@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// MuJoCo's compiled model: sizes, parameters (see the array methods) and names. Nothing here can change it.
 pub struct CompiledModel {
     ptr: NonNull<ffi::mjModel>,
-    compilation: u64,
+    /// The same for all copies of one loaded model, and no other's.
+    origin: u64,
 }
 
 // SAFETY: the model is plain memory owned by this value; every method that takes `&self` only reads it.
@@ -76,8 +77,19 @@ impl CompiledModel {
     /// # Safety
     /// `ptr` is a valid model that nobody else owns.
     pub(super) unsafe fn from_raw(ptr: NonNull<ffi::mjModel>) -> Self {
-        static COUNT: AtomicU64 = AtomicU64::new(0);
-        Self { ptr, compilation: COUNT.fetch_add(1, Ordering::Relaxed) }
+        static LOADED: AtomicU64 = AtomicU64::new(0);
+        Self { ptr, origin: LOADED.fetch_add(1, Ordering::Relaxed) }
+    }
+
+    /// A number that all copies of one loaded model have in common, and no other model of this process.
+    pub(crate) fn origin(&self) -> u64 {
+        self.origin
+    }
+
+    /// Whether both are copies of one loaded model: all sizes, names and addresses are the same. The same file loaded
+    /// twice gives two models.
+    pub fn is_copy_of(&self, other: &Self) -> bool {
+        self.origin == other.origin
     }
 
     /// A private copy.
@@ -85,14 +97,9 @@ impl CompiledModel {
         // SAFETY: a null destination makes the engine allocate a new model.
         let copy = guard::call("mj_copyModel", || unsafe { ffi::mj_copyModel(std::ptr::null_mut(), self.as_ptr()) })?;
         match NonNull::new(copy) {
-            Some(ptr) => Ok(Self { ptr, compilation: self.compilation }),
+            Some(ptr) => Ok(Self { ptr, origin: self.origin }),
             None => Err(Error::Engine { call: "mj_copyModel", message: "no model was returned".into() }),
         }
-    }
-
-    /// A number that this model and all of its copies have in common, and no other model of this process has.
-    pub(crate) fn compilation(&self) -> u64 {
-        self.compilation
     }
 
     /// The engine's structure, for reading.

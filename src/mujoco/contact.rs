@@ -142,11 +142,16 @@ impl Simulation {
         [raw.geom1, raw.geom2].map(|geom| BodyId::from_index(body_of[geom as usize] as usize))
     }
 
+    /// Rows that a contact of this condim has.
+    pub(super) fn rows_of(&self, condim: i32) -> usize {
+        let dim = condim.max(0) as usize;
+        if dim > 1 && self.model().cone() == Cone::Pyramidal { 2 * (dim - 1) } else { dim }
+    }
+
     /// Whether the contact's rows are among the current ones, or those of a contact with a
     /// [shown force](Self::show_contact_force) behind them.
     fn has_rows(&self, raw: &ffi::mjContact) -> bool {
-        let dim = raw.dim as usize;
-        let rows = if dim > 1 && self.model().cone() == Cone::Pyramidal { 2 * (dim - 1) } else { dim };
+        let rows = self.rows_of(raw.dim);
         let end = if raw.exclude == EXCLUDED_BY_US {
             compat::force_capacity(self.model_fields(), self.data())
         } else {

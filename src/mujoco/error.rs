@@ -59,6 +59,15 @@ pub enum Error {
         count: usize,
     },
 
+    /// What was made for one model is used with a simulation of another.
+    #[error(
+        "{what} is used with a simulation of another model than it was made for: make one for each model that is loaded"
+    )]
+    OtherModel {
+        /// "a renderer", ...
+        what: &'static str,
+    },
+
     /// The engine reported a fault inside a call.
     #[error("MuJoCo fault in {call}: {message}")]
     Engine {

@@ -19,8 +19,10 @@ mod data_arrays;
 mod egl;
 mod error;
 pub(crate) mod ffi;
+mod foreign;
 mod guard;
 mod ids;
+mod isolation;
 mod jacobian;
 mod kinds;
 mod ledger;
@@ -34,6 +36,7 @@ mod poses;
 mod proximity;
 mod render;
 pub mod rows;
+mod scan;
 mod separation;
 mod shape;
 mod shown;
@@ -54,6 +57,7 @@ pub use error::{Buffer, Error};
 pub use ids::{
     ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId, SiteId, TendonId,
 };
+pub use isolation::isolate_loading;
 pub use kinds::{
     Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver, TransmissionKind,
     WrapKind,

@@ -1,7 +1,7 @@
 //! Poses and velocities of model elements, as nalgebra types, world frame.
 //!
-//! # Panics
-//! As with slices, an id that is not of this simulation's model and too large for it panics.
+//! Of an element that does not exist (an id of another model, too large for this one) all numbers are NaN, where no error
+//! can be returned.
 
 use super::error::Error;
 use super::ffi;
@@ -9,12 +9,17 @@ use super::ids::{BodyId, GeomId, SiteId};
 use super::simulation::Simulation;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
 
+/// Row `index` of an array with rows of `N` numbers.
+fn row<const N: usize>(array: &[f64], index: usize) -> [f64; N] {
+    array.as_chunks().0.get(index).copied().unwrap_or([f64::NAN; N])
+}
+
 fn vector(array: &[f64], index: usize) -> Vector3<f64> {
-    Vector3::from_column_slice(&array[3 * index..3 * index + 3])
+    row(array, index).into()
 }
 
 fn matrix(array: &[f64], index: usize) -> Matrix3<f64> {
-    Matrix3::from_row_slice(&array[9 * index..9 * index + 9])
+    Matrix3::from_row_slice(&row::<9>(array, index))
 }
 
 impl Simulation {
@@ -30,8 +35,8 @@ impl Simulation {
 
     /// Orientation of a body's frame as a quaternion.
     pub fn body_quaternion(&self, id: BodyId) -> UnitQuaternion<f64> {
-        let q = &self.xquat()[4 * id.index()..4 * id.index() + 4];
-        UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]))
+        let [w, x, y, z] = row(self.xquat(), id.index());
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
     }
 
     /// A body's own centre of mass, m.

@@ -52,12 +52,9 @@ pub struct Renderer {
     context: Context,
     width: u32,
     height: u32,
-    made_for: Fingerprint,
+    /// The model it was made for: scene and context keep sizes and addresses of its skins, meshes and textures.
+    model: CompiledModel,
 }
-
-/// What must agree between the model that a renderer was made for and the one it draws: the renderer keeps meshes,
-/// textures and skins by number.
-type Fingerprint = [i64; 9];
 
 /// Largest width and height of a picture: 4x antialiasing of this takes about 1 GB.
 const LARGEST: u32 = 4096;
@@ -83,10 +80,9 @@ impl Renderer {
         let context = Context::new()?;
         context.make_current()?;
         let (engine, scene) = empty();
-        let made_for = fingerprint(&model);
         // From here on `drop` frees what exists, also when one of these calls fails.
-        let mut renderer = Self { engine, scene, context, width, height, made_for };
-        renderer.fill(&model)?;
+        let mut renderer = Self { engine, scene, context, width, height, model };
+        renderer.fill()?;
         Ok(renderer)
     }
 
@@ -108,13 +104,13 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a camera that does not exist, [`Error::Value`] for a camera or arrow with bad numbers,
-    /// [`Error::Rendering`] for a simulation of another model and for more things than the scene has room for,
-    /// [`Error::Engine`] with the engine's own message.
+    /// [`Error::OtherModel`] for a simulation of another model (also of the same file loaded again),
+    /// [`Error::Rendering`] for more things than the scene has room for, [`Error::Engine`] with the engine's own message.
     pub fn draw(&mut self, sim: &Simulation, camera: Camera, drawing: &Drawing) -> Result<RgbImage, Error> {
         camera.check(sim.model())?;
         drawing.arrows.iter().try_for_each(Arrow::check)?;
-        if fingerprint(sim.model()) != self.made_for {
-            return Err(Error::Rendering("the simulation is of another model than the renderer was made for".into()));
+        if !sim.model().is_copy_of(&self.model) {
+            return Err(Error::OtherModel { what: "a renderer" });
         }
         self.context.make_current()?;
         self.update(sim, camera, drawing)?;
@@ -123,7 +119,8 @@ impl Renderer {
     }
 
     /// Allocates the scene, and uploads meshes and textures.
-    fn fill(&mut self, model: &CompiledModel) -> Result<(), Error> {
+    fn fill(&mut self) -> Result<(), Error> {
+        let model = &self.model;
         let m = model.as_ptr();
         // mjMAXTEXTURE is 1000, but the context of 2.2.2 has places for fewer, and the engine does not look.
         // SAFETY: the model is valid.
@@ -227,17 +224,6 @@ fn prepare(model: &mut CompiledModel, width: u32, height: u32) {
     visual.global.offwidth = width as _;
     visual.global.offheight = height as _;
     visual.quality.offsamples = SAMPLES as _;
-}
-
-fn fingerprint(model: &CompiledModel) -> Fingerprint {
-    // SAFETY: valid for as long as `model`.
-    let m = unsafe { &*model.as_ptr() };
-    let of_renderer = [m.nmesh, m.nmeshvert, m.nmeshface, m.nhfield, m.ntex, m.nskin];
-    let of_scene = [m.ngeom, m.nsite, m.ntendon];
-    let mut sizes = of_renderer.into_iter().chain(of_scene);
-    // Sizes are of 32 bits in 2.2.2, and of 64 in 3.x.
-    #[allow(clippy::useless_conversion)]
-    std::array::from_fn(|_| sizes.next().map_or(0, i64::from))
 }
 
 fn empty() -> (ffi::mjrContext, ffi::mjvScene) {

@@ -87,7 +87,9 @@ impl Simulation {
         self.mocap_pos_mut().copy_from_slice(&state.mocap_pos);
         self.mocap_quat_mut().copy_from_slice(&state.mocap_quat);
         self.qacc_warmstart_mut().copy_from_slice(&state.qacc_warmstart);
-        self.eq_active_mut().copy_from_slice(&state.eq_active);
+        for (switch, saved) in self.eq_active_mut().iter_mut().zip(&state.eq_active) {
+            *switch = u8::from(*saved != 0);
+        }
         self.eq_data_mut().copy_from_slice(&state.eq_data);
         Ok(())
     }

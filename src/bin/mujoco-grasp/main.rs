@@ -13,8 +13,10 @@ mod run;
 mod scatters;
 
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::{Parser, Subcommand};
+use mujoco_grasp::mujoco;
 
 use output::Output;
 
@@ -27,6 +29,9 @@ struct Cli {
     /// One JSON object on standard output, and nothing else there.
     #[arg(long, global = true)]
     json: bool,
+    /// Compiles models in a child process, for files from strangers: one that crashes or hangs MuJoCo is an error.
+    #[arg(long, global = true)]
+    isolated: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -47,12 +52,18 @@ enum Command {
     Quality(quality::Args),
 }
 
+/// A model that takes longer than this to load hangs.
+const LOADING_LIMIT: Duration = Duration::from_secs(60);
+
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return output::usage(&error),
     };
     let output = Output { json: cli.json };
+    if cli.isolated {
+        mujoco::isolate_loading(Some(LOADING_LIMIT));
+    }
     let result = match &cli.command {
         Command::List => list::list(output),
         Command::Run(args) => run::run(args, output),

@@ -20,7 +20,7 @@ impl Grasp {
         let alone = self.detector.replaces_collision(sim)?;
         if alone {
             for contact in self.detector.found() {
-                sim.append_contact(contact);
+                sim.append_contact(contact)?;
             }
             self.set.read(self.detector.found().iter().cloned(), sim, &self.topology);
         }

@@ -87,6 +87,33 @@ pub(in crate::mujoco) unsafe fn adopt(_m: *const ffi::mjModel) -> Result<(), Str
     Ok(())
 }
 
+/// Elements, attributes and keywords of MJCF that came with MuJoCo 3.
+#[rustfmt::skip]
+const NEWER: &[&str] = &[
+    "actdim", "actearly", "actuatorfrclimited", "actuatorfrcrange", "actuatorgravcomp", "actuatorgroupdisable",
+    "align", "alignfree", "assetdir", "attach", "autoreset", "bvactive", "cable", "camprojection", "ccd_iterations",
+    "ccd_tolerance", "colorspace", "content_type", "dampratio", "deformable", "elastic2d", "elasticity", "eulerdamp",
+    "extension", "flex", "flexcomp", "focal", "focalpixel", "frame", "gravcomp", "gridrange", "hemisphere",
+    "implicitfast", "inheritrange", "insidesite", "instance", "invdiscrete", "island", "jointactuatorfrc", "layer",
+    "ls_iterations", "ls_tolerance", "maxhullvert", "memory", "midphase", "nativeccd", "nchannel", "opacity",
+    "orthographic", "plugin", "principal", "principalpixel", "replicate", "resolution", "saveinertial", "sdf",
+    "sdf_initpoints", "sdf_iterations", "selfcollide", "sensorsize", "shell", "site1", "site2", "sleep",
+    "sleep_tolerance", "supersphere", "supertorus", "tactile", "tausmooth", "tendonactuatorfrc", "trilinear",
+    "vertcollide",
+];
+
+/// What to add to a message of the loader about something that MuJoCo 3 knows.
+pub(in crate::mujoco) fn newer_advice(message: &str) -> &'static str {
+    let unknown = ["unrecognized", "invalid keyword"].iter().any(|start| message.contains(start));
+    let mut quoted = message.split('\'').skip(1).step_by(2);
+    match unknown && quoted.any(|name| NEWER.contains(&name)) {
+        true => {
+            "; this needs MuJoCo 3: build with MUJOCO_DIR=$(scripts/mujoco3), or the folder of any MuJoCo 3 release"
+        }
+        false => "",
+    }
+}
+
 /// Files in memory for the loader.
 pub(in crate::mujoco) mod vfs {
     use super::*;
@@ -212,10 +239,11 @@ impl<'a> MassFactor<'a> {
     }
 
     /// `L` entries of a degree of freedom for its ancestors, the nearest first; what comes after the last ancestor has no
-    /// meaning, and missing ones are zero.
+    /// meaning, and missing ones are zero. Nothing for a degree of freedom that does not exist.
     #[inline]
     pub fn ancestors(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
-        self.values[self.diagonal[dof] as usize + 1..].iter().copied()
+        let diagonal = self.diagonal.get(dof).map_or(usize::MAX, |&address| address as usize);
+        self.values.get(diagonal.saturating_add(1)..).unwrap_or_default().iter().copied()
     }
 }
 

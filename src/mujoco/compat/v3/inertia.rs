@@ -40,11 +40,12 @@ impl<'a> MassFactor<'a> {
     }
 
     /// `L` entries of a degree of freedom for its ancestors, the nearest first; what comes after the last ancestor has no
-    /// meaning, and missing ones are zero.
+    /// meaning, and missing ones are zero. Nothing for a degree of freedom that does not exist.
     #[inline]
     pub fn ancestors(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
-        let start = self.start[dof] as usize;
-        self.values[start..start + self.count[dof] as usize - 1].iter().rev().copied()
+        let row = self.start.get(dof).zip(self.count.get(dof)).map(|(&start, &count)| (start as usize, count as usize));
+        let entries = row.and_then(|(start, count)| self.values.get(start..start + count.saturating_sub(1)));
+        entries.unwrap_or_default().iter().rev().copied()
     }
 }
 

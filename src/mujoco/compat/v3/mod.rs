@@ -63,6 +63,11 @@ pub(in crate::mujoco) unsafe fn adopt(m: *const ffi::mjModel) -> Result<(), Stri
     Ok(())
 }
 
+/// What to add to a message of the loader about something that a newer version knows.
+pub(in crate::mujoco) fn newer_advice(_message: &str) -> &'static str {
+    ""
+}
+
 /// Files in memory for the loader.
 pub(in crate::mujoco) mod vfs {
     use super::*;
