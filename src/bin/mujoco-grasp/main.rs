@@ -1,9 +1,10 @@
-//! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See design/contract.md for what scripts rely on.
+//! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See docs/reference.md for what scripts rely on.
 #![forbid(unsafe_code)]
 
 mod agree;
 mod bench;
 mod calibrate;
+mod leftovers;
 mod list;
 mod output;
 mod pictures;
@@ -11,12 +12,15 @@ mod progress;
 mod quality;
 mod run;
 mod scatters;
+mod signals;
+mod summary;
+mod warnings;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use output::Output;
+use output::{Output, complain};
 
 /// Grasps on MuJoCo: once a grasp is good enough, its contacts become one six-axis constraint.
 ///
@@ -53,6 +57,9 @@ fn main() -> ExitCode {
         Err(error) => return output::usage(&error),
     };
     let output = Output { json: cli.json };
+    if let Err(error) = signals::install() {
+        complain("warning", &format!("an interrupted call will keep nothing: no handler for signals: {error}"));
+    }
     let result = match &cli.command {
         Command::List => list::list(output),
         Command::Run(args) => run::run(args, output),
