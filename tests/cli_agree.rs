@@ -193,7 +193,7 @@ fn a_simulation_that_fails_counts_with_its_cause_and_harms_no_other() {
         let [full, grasp] = [start[0].push(push), start[1].push(push)];
         let compare = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), 2.5);
         let (full, grasp, push) = (full.ending(), grasp.ending(), push.clone());
-        Trial { trial: number, direction: 0, share: 1.0, push, full, grasp, compare }
+        Trial { trial: number, direction: 0, share: 1.0, push, full, grasp, compare, chaotic: None }
     };
     let trials = [trial(0, &push), trial(1, &small)];
     for (mode, ending) in [("full", &trials[0].full), ("grasp", &trials[0].grasp)] {
@@ -202,7 +202,7 @@ fn a_simulation_that_fails_counts_with_its_cause_and_harms_no_other() {
         assert!(ending.outcome.is_none());
     }
     assert!(!start[0].holds(&push) && start[0].holds(&small), "the saved state has not suffered");
-    let tally = serde_json::to_value(Tally::new(&[], &trials)).unwrap();
+    let tally = serde_json::to_value(Tally::new(&[], &trials, 50)).unwrap();
     assert_eq!((&tally["trials"], &tally["same_outcome"], &tally["failed"]), (&2.into(), &1.into(), &1.into()));
     assert_eq!(tally["held"]["count"], 1);
     let d = &tally["disagreements"][0];

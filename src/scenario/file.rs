@@ -1,4 +1,4 @@
-//! The scenario file as it is written: TOML, every field of `design/contract.md`, checked for everything that can be
+//! The scenario file as it is written: TOML, every field of `docs/reference.md`, checked for everything that can be
 //! checked without the model. Names are looked up later, in [`super::plan`].
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -58,6 +58,9 @@ pub struct GraspEntry {
     /// Q_M \[N\]: the grasp lets go below this quality.
     #[serde(default)]
     pub release_quality: Option<f64>,
+    /// Time of good quality before it latches \[s\]; left out: 0.05.
+    #[serde(default)]
+    pub latch_time: Option<f64>,
     /// How the grasp's constraint is bounded.
     #[serde(default)]
     pub limits: Option<Limits>,
@@ -258,6 +261,9 @@ impl GraspEntry {
         }
         if let Some(q) = self.latch_quality {
             positive(at("latch_quality"), q)?;
+        }
+        if let Some(time) = self.latch_time {
+            non_negative(at("latch_time"), time)?;
         }
         if let Some(q) = self.release_quality {
             non_negative(at("release_quality"), q)?;

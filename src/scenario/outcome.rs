@@ -1,4 +1,4 @@
-//! What became of one run: the terms of `design/contract.md`, as pure functions of its trajectory.
+//! What became of one run: the terms of `docs/reference.md`, as pure functions of its trajectory.
 //!
 //! All motion is that of the target's frame in the palm's frame, from its pose at `measure_from`.
 

@@ -11,7 +11,7 @@ use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
 use super::length;
 use super::source::Source;
 use super::stop::Stop;
-use crate::grasp::{GraspSpec, Limits, find_hand, weld_xml};
+use crate::grasp::{DEFAULT_LATCH_TIME, GraspSpec, Limits, find_hand, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
 /// A scenario whose every name exists on its model.
@@ -289,6 +289,7 @@ fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &GraspEntry) -
         effectors,
         latch_quality: entry.latch_quality,
         release_quality: entry.release_quality,
+        latch_time: entry.latch_time.unwrap_or(DEFAULT_LATCH_TIME),
         limits: entry.limits.unwrap_or(Limits::Cones),
         relaxed: entry.relaxed(),
         axes: entry.axes(),
