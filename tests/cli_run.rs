@@ -288,3 +288,74 @@ fn bench_times_all_four_variants() {
         }
     }
 }
+
+/// A scene that includes a file of a subfolder, with a mesh of another, all by relative names.
+#[test]
+fn a_relative_scenario_path_finds_the_model_its_includes_and_its_meshes() {
+    let root = tempfile::tempdir().unwrap();
+    let at = |path: &str| root.path().join(path);
+    for folder in ["robot/parts", "robot/meshes", "scenarios/deep"] {
+        std::fs::create_dir_all(at(folder)).unwrap();
+    }
+    std::fs::copy(data("claw.xml"), at("robot/claw.xml")).unwrap();
+    let scene = "<mujoco><compiler meshdir=\"meshes\"/><include file=\"claw.xml\"/><include file=\"parts/wedge.xml\"/></mujoco>";
+    std::fs::write(at("robot/scene.xml"), scene).unwrap();
+    let wedge = "<mujoco><asset><mesh name=\"wedge\" file=\"wedge.stl\"/></asset>\
+                 <worldbody><geom type=\"mesh\" mesh=\"wedge\" pos=\"0 3 0\"/></worldbody></mujoco>";
+    std::fs::write(at("robot/parts/wedge.xml"), wedge).unwrap();
+    std::fs::write(at("robot/meshes/wedge.stl"), tetrahedron()).unwrap();
+    let toml = std::fs::read_to_string(data("claw.toml")).unwrap();
+    std::fs::write(at("robot/claw.toml"), toml.replace("claw.xml", "scene.xml")).unwrap();
+    std::fs::write(at("scenarios/claw.toml"), toml.replace("claw.xml", "../robot/scene.xml")).unwrap();
+    for (working_in, scenario) in [
+        ("robot", "claw.toml"),
+        ("robot", "./claw.toml"),
+        (".", "robot/claw.toml"),
+        ("robot/parts", "../claw.toml"),
+        ("scenarios/deep", "../claw.toml"),
+        ("scenarios/deep", "../../robot/parts/../claw.toml"),
+    ] {
+        // Both ways of loading: as it is, and with a weld beside it.
+        for limits in ["cones", "box"] {
+            let options = ["--limits", limits, "--push", "none", "--mode", "grasp", "--no-pictures", "--out", "o"];
+            let json = run(&at(working_in), scenario, &options).json();
+            assert_eq!(json["runs"][0]["grasp"]["outcome"], "held", "{scenario} in {working_in}, {limits}");
+        }
+    }
+}
+
+/// Binary STL.
+fn tetrahedron() -> Vec<u8> {
+    let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut stl = vec![0; 80];
+    stl.extend(4_u32.to_le_bytes());
+    for face in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+        stl.extend(
+            [0.0_f32, 0.0, 1.0].into_iter().chain(face.into_iter().flat_map(|i| corners[i])).flat_map(f32::to_le_bytes),
+        );
+        stl.extend([0, 0]);
+    }
+    stl
+}
+
+#[test]
+fn a_target_that_starts_inside_the_hand_is_warned_of_once() {
+    // The ball, put into the fingers.
+    let (folder, scenario) = changed_claw(&[("0 0 0.3 1 0 0 0", "0.03 0 0.3 1 0 0 0")], &[]);
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
+    assert_eq!(called.stderr.matches("inside the hand").count(), 1, "{}", called.stderr);
+    assert!(called.stderr.contains("full-none, grasp-none: "), "{}", called.stderr);
+    let warnings = called.json()["warnings"].clone();
+    assert!(warnings[0].as_str().unwrap().contains("inside the hand"), "{warnings}");
+}
+
+#[test]
+fn a_target_that_leaves_when_the_pin_goes_is_warned_of_with_the_cause() {
+    // One finger alone presses on the pinned ball.
+    let one = ("set = {", "set = { f0_mcp = 0.6, f0_pip = 1.0 } #");
+    let (folder, scenario) = changed_claw(&[], &[one]);
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
+    assert!(called.stderr.contains("left the hand within 0.1 s of pin_until = 2 s"), "{}", called.stderr);
+    let claw = run(folder.path(), &data("claw.toml"), &["--push", "none", "--no-pictures"]);
+    assert_eq!((claw.stderr.as_str(), &claw.json()["warnings"]), ("", &serde_json::json!([])));
+}

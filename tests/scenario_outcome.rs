@@ -195,7 +195,7 @@ fn nothing_to_compare_is_null() {
 }
 
 #[test]
-fn csv_has_the_columns_of_the_contract() {
+fn csv_has_the_columns_of_the_reference() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full-none.csv");
     trajectory([1.5, 2.5], |t, s| s.grasped = t > 0.0).write_csv(&path).unwrap();

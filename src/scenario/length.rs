@@ -45,7 +45,7 @@ pub(super) fn check_memory(plan: &Plan, bytes: f64, runs: usize) -> Result<(), E
     let (step, duration) = (plan.model.timestep(), plan.timeline.duration);
     let longest = duration * (free / needed);
     Err(Field::new(&plan.file, "timeline.duration").wrong(format!(
-        "is {duration} s: at {step} s a step that makes {:.3e} steps, and to record {runs} such run(s) takes {}; {} of \
+        "is {duration:?} s: at {step} s a step that makes {:.3e} steps, and what {runs} run(s) record takes {}; {} of \
          memory are free: give less than {} s, a larger time step, or fewer pushes at once",
         steps(plan),
         amount(needed),

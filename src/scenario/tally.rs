@@ -241,7 +241,7 @@ impl Disagreement {
     }
 }
 
-/// The contract's relative error of the motion; 0 where the motions differ by less than [`NO_DIFFERENCE`].
+/// The relative error of the motion; 0 where the motions differ by less than [`NO_DIFFERENCE`].
 pub fn counted_error(trial: &Trial) -> Option<f64> {
     let none = trial.compare.position_rmse_m? < NO_DIFFERENCE;
     if none { Some(0.0) } else { trial.compare.relative_error }
