@@ -341,7 +341,7 @@ fn tetrahedron() -> Vec<u8> {
 #[test]
 fn a_target_that_starts_inside_the_hand_is_warned_of_once() {
     // The ball, put into the fingers.
-    let (folder, scenario) = changed_claw(&[("0 0 0.3 1 0 0 0", "0.03 0 0.3 1 0 0 0")], &[]);
+    let (folder, scenario) = changed_claw(&[("0 0 0.3 1 0 0 0", "0 0 0.36 1 0 0 0")], &[]);
     let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
     assert_eq!(called.stderr.matches("inside the hand").count(), 1, "{}", called.stderr);
     assert!(called.stderr.contains("full-none, grasp-none: "), "{}", called.stderr);
@@ -355,7 +355,7 @@ fn a_target_that_leaves_when_the_pin_goes_is_warned_of_with_the_cause() {
     let one = ("set = {", "set = { f0_mcp = 0.6, f0_pip = 1.0 } #");
     let (folder, scenario) = changed_claw(&[], &[one]);
     let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
-    assert!(called.stderr.contains("left the hand within 0.1 s of pin_until = 2 s"), "{}", called.stderr);
+    assert!(called.stderr.contains("within 0.1 s of pin_until = 2 s the target moved"), "{}", called.stderr);
     let claw = run(folder.path(), &data("claw.toml"), &["--push", "none", "--no-pictures"]);
     assert_eq!((claw.stderr.as_str(), &claw.json()["warnings"]), ("", &serde_json::json!([])));
 }

@@ -1,6 +1,6 @@
 //! What goes wrong with a target at its start, as pure functions of a trajectory.
 
-use super::outcome::{LOSS_DISTANCE, Motion};
+use super::outcome::Motion;
 use super::trajectory::Trajectory;
 
 /// A target that starts this deep in the hand is thrown \[m\]: soft contacts at rest are a tenth of it.
@@ -15,9 +15,18 @@ pub fn starts_inside(trajectory: &Trajectory) -> Option<f64> {
     trajectory.samples().first().map(|s| s.penetration).filter(|&depth| depth > DEEP)
 }
 
-/// How far the target, which the hand touched when the pin went, has moved from it [`SOON`] afterwards \[m\]: if it is not
-/// touched any more then, or has moved by 2 cm. A target that is lost later is not meant.
-pub fn leaves_after_pin(trajectory: &Trajectory, pin_until: f64) -> Option<f64> {
+/// A target that the pin was all that held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thrown {
+    /// How far it has moved against the palm [`SOON`] after the pin \[m\].
+    pub moved: f64,
+    /// Whether nothing of the hand touches it any more.
+    pub left: bool,
+}
+
+/// What became, [`SOON`] after the pin, of a target that the hand touched when the pin went: if it is not touched any more, or
+/// has moved by 2 cm. A target that is lost later is not meant.
+pub fn thrown_by_pin(trajectory: &Trajectory, pin_until: f64) -> Option<Thrown> {
     if pin_until <= 0.0 {
         return None;
     }
@@ -26,9 +35,9 @@ pub fn leaves_after_pin(trajectory: &Trajectory, pin_until: f64) -> Option<f64> 
     let soon = trajectory.index_at(pin_until + SOON)?;
     // The contacts of the sample at `pin_until` are those that the last pinned step led to.
     let start = &samples[freed];
-    let moved = |i: usize| Motion::between(start, &samples[i]).offset.norm();
-    let gone = moved(soon) > FAR || !samples[soon].touching;
-    (start.touching && gone).then(|| moved(soon).min(LOSS_DISTANCE))
+    let moved = Motion::between(start, &samples[soon]).offset.norm();
+    let left = !samples[soon].touching;
+    (start.touching && (left || moved > FAR)).then_some(Thrown { moved, left })
 }
 
 #[cfg(test)]
@@ -54,13 +63,13 @@ mod tests {
     #[test]
     fn a_target_that_is_thrown_when_the_pin_goes_is_told_from_one_that_is_held_or_lost_later() {
         let falls = |t: f64| -4.905 * (t - 0.5_f64).max(0.0).powi(2);
-        assert!(leaves_after_pin(&trajectory(|t| t < 0.51, falls, 0.0), 0.5).is_some());
-        let thrown = leaves_after_pin(&trajectory(|_| true, |t| 0.4 * (t - 0.5_f64).max(0.0), 0.0), 0.5);
-        assert!((thrown.unwrap() - 0.04).abs() < 1e-3, "{thrown:?}");
-        assert_eq!(leaves_after_pin(&trajectory(|_| true, |_| 0.0, 0.0), 0.5), None);
-        assert_eq!(leaves_after_pin(&trajectory(|t| t < 0.8, |_| 0.0, 0.0), 0.5), None, "lost later");
-        assert_eq!(leaves_after_pin(&trajectory(|_| false, falls, 0.0), 0.5), None, "never touched");
-        assert_eq!(leaves_after_pin(&trajectory(|t| t < 0.51, falls, 0.0), 0.0), None, "no pin");
+        assert!(thrown_by_pin(&trajectory(|t| t < 0.51, falls, 0.0), 0.5).is_some_and(|t| t.left));
+        let thrown = thrown_by_pin(&trajectory(|_| true, |t| 0.4 * (t - 0.5_f64).max(0.0), 0.0), 0.5);
+        assert!(thrown.is_some_and(|t| (t.moved - 0.04).abs() < 1e-3 && !t.left), "{thrown:?}");
+        assert_eq!(thrown_by_pin(&trajectory(|_| true, |_| 0.0, 0.0), 0.5), None);
+        assert_eq!(thrown_by_pin(&trajectory(|t| t < 0.8, |_| 0.0, 0.0), 0.5), None, "lost later");
+        assert_eq!(thrown_by_pin(&trajectory(|_| false, falls, 0.0), 0.5), None, "never touched");
+        assert_eq!(thrown_by_pin(&trajectory(|t| t < 0.51, falls, 0.0), 0.0), None, "no pin");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Pair, Run};
 use mujoco_grasp::scenario::runner::Mode;
-use mujoco_grasp::scenario::start::{SOON, leaves_after_pin, starts_inside};
+use mujoco_grasp::scenario::start::{SOON, starts_inside, thrown_by_pin};
 
 /// Relative errors below this are no difference to explain.
 const DIFFERENCE: f64 = 0.01;
@@ -32,13 +32,14 @@ fn of_run(plan: &Plan, run: &Run) -> Vec<String> {
             depth * 1e3
         ));
     }
-    if let Some(moved) = leaves_after_pin(&run.trajectory, plan.timeline.pin_until) {
+    if let Some(thrown) = thrown_by_pin(&run.trajectory, plan.timeline.pin_until) {
         messages.push(format!(
-            "the target left the hand within {SOON} s of pin_until = {} s (it had moved {:.0} mm or more): fingers that press \
-             on a pinned target press as on a wall, and what does not balance throws it; close them less or slower, or \
-             turn the hand so that they bear its weight (docs/wrapping.md)",
+            "within {SOON} s of pin_until = {} s the target moved {:.0} mm against the palm{}: fingers press on a pinned target \
+             as on a wall, and what does not balance throws it; close them less or slower, or so that they bear its weight \
+             (docs/wrapping.md)",
             plan.timeline.pin_until,
-            moved * 1e3
+            thrown.moved * 1e3,
+            if thrown.left { " and left the hand" } else { "" }
         ));
     }
     if run.mode == Mode::Grasp && run.error.is_none() {
