@@ -106,6 +106,7 @@ pub mod kinematics;
 pub mod mujoco;
 pub mod report;
 pub mod scenario;
+mod whole_file;
 
 /// The README's Rust runs as a test.
 #[cfg(doctest)]

@@ -42,7 +42,7 @@ fn vector(value: &Value) -> Vector3<f64> {
 fn random_pushes_on_the_claw() {
     let folder = tempfile::tempdir().unwrap();
     let json = agree(folder.path(), &["--seed", "3", "--json"]).json();
-    the_contracts_fields(&json);
+    the_fields_of_the_reference(&json);
     tables_and_pictures(&folder.path().join("out/claw"), &json);
     an_onset_is_where_holding_ends(&json);
 
@@ -66,7 +66,7 @@ fn on_one_thread_and_fewer(all: &Path, json: &Value) {
     assert!(all.starts_with(&one), "{one}\n{all}");
 }
 
-fn the_contracts_fields(json: &Value) {
+fn the_fields_of_the_reference(json: &Value) {
     for key in ["trials", "same_outcome", "agreement", "held", "slid", "lost", "onset_relative_error_median"] {
         assert!(keys(json).contains(key), "{key}");
     }
@@ -91,6 +91,17 @@ fn the_contracts_fields(json: &Value) {
         assert!(d["full"] != d["grasp"] || !d["error"].is_null());
     }
     assert!(number(&json["agreement"]) >= 0.75, "{json}");
+    // The claw is latched before the push, and stays so in most trials.
+    assert_eq!(json["vacuous_trials"], 0);
+    assert!(number(&json["latched_share"]["median"]) > 0.9 && number(&json["latched_share"]["p10"]) > 0.0, "{json}");
+    assert_eq!((&json["substructured_share"]["median"], &json["noslip_iterations"]), (&0.0.into(), &50.into()));
+    let chaotic = disagreements.iter().filter(|d| d["chaotic"] == true).count();
+    assert_eq!(json["chaotic_trials"], chaotic);
+    let held = &json["held"];
+    assert!(number(&held["worst_relative_error"]) >= number(&held["median_relative_error"]));
+    for error in ["rotation_relative_error", "normal_force_relative_error"] {
+        assert!((0.0..0.1).contains(&number(&held[error])), "{error}: {held}");
+    }
     assert!(number(&json["onset_relative_error_median"]) < 0.05);
     assert!(number(&json["held"]["median_relative_error"]) < 0.05);
     // The scenario's first push starts at 3 s; the scenario ends at 5 s.
@@ -193,7 +204,7 @@ fn a_simulation_that_fails_counts_with_its_cause_and_harms_no_other() {
         let [full, grasp] = [start[0].push(push), start[1].push(push)];
         let compare = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), 2.5);
         let (full, grasp, push) = (full.ending(), grasp.ending(), push.clone());
-        Trial { trial: number, direction: 0, share: 1.0, push, full, grasp, compare }
+        Trial { trial: number, direction: 0, share: 1.0, push, full, grasp, compare, chaotic: None }
     };
     let trials = [trial(0, &push), trial(1, &small)];
     for (mode, ending) in [("full", &trials[0].full), ("grasp", &trials[0].grasp)] {
@@ -202,11 +213,39 @@ fn a_simulation_that_fails_counts_with_its_cause_and_harms_no_other() {
         assert!(ending.outcome.is_none());
     }
     assert!(!start[0].holds(&push) && start[0].holds(&small), "the saved state has not suffered");
-    let tally = serde_json::to_value(Tally::new(&[], &trials)).unwrap();
+    let tally = serde_json::to_value(Tally::new(&[], &trials, 50)).unwrap();
     assert_eq!((&tally["trials"], &tally["same_outcome"], &tally["failed"]), (&2.into(), &1.into(), &1.into()));
     assert_eq!(tally["held"]["count"], 1);
     let d = &tally["disagreements"][0];
     assert!(d["full"].is_null() && d["grasp"].is_null() && d["error"].as_str().unwrap().contains("diverged"), "{d}");
+}
+
+/// A grasp that is not latched when the push starts is the same simulation in both modes.
+#[test]
+fn trials_without_a_latched_step_say_nothing() {
+    let plan = Plan::load(&data("claw.toml")).unwrap();
+    let mut never = plan.clone();
+    never.grasps[0].latch_quality = Some(1e3);
+    let push = plan.pushes[0].clone();
+    let trial = |plan: &Plan, number| {
+        let [full, grasp] = [Mode::Full, Mode::Grasp]
+            .map(|mode| Checkpoint::new(plan, mode, &push, Options::default()).unwrap().push(&push));
+        let compare = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), 2.5);
+        let (full, grasp, push) = (full.ending(), grasp.ending(), push.clone());
+        Trial { trial: number, direction: 0, share: 1.0, push, full, grasp, compare, chaotic: None }
+    };
+    let trials = [trial(&plan, 0), trial(&never, 1), trial(&never, 2)];
+    let tally = serde_json::to_value(Tally::new(&[], &trials, 0)).unwrap();
+    assert_eq!((&tally["trials"], &tally["vacuous_trials"], &tally["same_outcome"]), (&3.into(), &2.into(), &1.into()));
+    assert_eq!((&tally["agreement"], &tally["held"]["count"]), (&1.0.into(), &3.into()));
+    // What the empty ones would halve.
+    assert_eq!(tally["held"]["worst_relative_error"].as_f64(), trials[0].compare.relative_error);
+    // Of three held trials one was latched: half of them are at 0.
+    assert_eq!(tally["latched_share"], serde_json::json!({ "median": 0.0, "p10": 0.0 }));
+    assert!(tally["chaotic_trials"].is_null(), "no noslip iterations to take ten times");
+    let none = serde_json::to_value(Tally::new(&[], &trials[1..], 50)).unwrap();
+    assert!(none["agreement"].is_null() && none["held"]["worst_relative_error"].is_null(), "{none}");
+    assert_eq!(none["substructured_share"], serde_json::json!({ "median": null, "p10": null }));
 }
 
 #[test]

@@ -92,6 +92,31 @@ fn nan_in_a_control() {
 }
 
 #[test]
+fn a_time_step_with_which_no_time_passes() {
+    for bad in ["0", "-0.002", "nan", "inf", "10"] {
+        let step = format!("timestep=\"{bad}\"");
+        refused_claw(&[("timestep=\"0.002\"", &step)], &[], &["claw.toml", "model", "timestep", "must"]);
+    }
+}
+
+#[test]
+fn a_run_too_long_for_the_memory() {
+    for (duration, steps) in [("1e300", "5.000e302 steps"), ("1e15", "5.000e17 steps")] {
+        let changed = format!("duration = {duration}");
+        let parts = ["claw.toml", "timeline.duration", steps, "GiB", "give less than"];
+        refused_claw(&[], &[("duration = 5.0", &changed)], &parts);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    refused(folder.path(), &["run", &data("claw.toml"), "--duration", "1e15"], &["duration", "5.000e17 steps", "GiB"]);
+}
+
+#[test]
+fn a_push_that_its_factor_makes_infinite() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(folder.path(), &["run", &data("claw.toml"), "--scale-push", "1e308"], &["--scale-push", "finite"]);
+}
+
+#[test]
 fn an_integrator_whose_step_cannot_be_taken_apart() {
     refused_claw(&[("<option", "<option integrator=\"RK4\"")], &[], &["claw.toml", "grasp[0]", "RK4"]);
 }

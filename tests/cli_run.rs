@@ -12,11 +12,15 @@ fn keys(value: &Value) -> BTreeSet<&str> {
     value.as_object().unwrap().keys().map(String::as_str).collect()
 }
 
-const R: [&str; 11] = [
+const R: [&str; 15] = [
     "outcome",
     "latched_at_s",
     "released_at_s",
+    "latched_share",
+    "substructured_share",
+    "changes",
     "peak_motion_m",
+    "peak_rotation_rad",
     "final_offset_m",
     "max_penetration_m",
     "creep_m_per_s",
@@ -25,8 +29,14 @@ const R: [&str; 11] = [
     "slip_onset_s",
     "step_us_median",
 ];
-const C: [&str; 5] =
-    ["same_outcome", "position_rmse_m", "relative_error", "rotation_rmse_rad", "normal_force_relative_error"];
+const C: [&str; 6] = [
+    "same_outcome",
+    "vacuous",
+    "position_rmse_m",
+    "relative_error",
+    "rotation_rmse_rad",
+    "normal_force_relative_error",
+];
 
 fn run(folder: &Path, scenario: &str, options: &[&str]) -> Called {
     let called = call_in(folder, &[&["run", scenario, "--json"], options].concat());
@@ -46,7 +56,7 @@ fn both_modes_of_every_push() {
     let folder = tempfile::tempdir().unwrap();
     // From another folder, with the default place of results.
     let json = run(folder.path(), &data("claw.toml"), &[]).json();
-    assert_eq!(keys(&json), BTreeSet::from(["scenario", "engine", "nv", "timestep_s", "runs"]));
+    assert_eq!(keys(&json), BTreeSet::from(["scenario", "engine", "nv", "timestep_s", "runs", "at_onset", "warnings"]));
     assert_eq!((&json["scenario"], &json["engine"]), (&"claw".into(), &mujoco_version().into()));
     assert_eq!((json["nv"].as_u64(), json["timestep_s"].as_f64()), (Some(27), Some(0.002)));
     let runs = json["runs"].as_array().unwrap();
@@ -56,11 +66,14 @@ fn both_modes_of_every_push() {
         let (full, grasp, compare) = (&pair["full"], &pair["grasp"], &pair["compare"]);
         assert_eq!((keys(full), keys(grasp)), (BTreeSet::from(R), BTreeSet::from(R)));
         assert_eq!(keys(compare), BTreeSet::from(C));
-        for absent in ["latched_at_s", "released_at_s", "quality_at_latch_n"] {
+        for absent in ["latched_at_s", "released_at_s", "quality_at_latch_n", "latched_share", "substructured_share"] {
             assert!(full[absent].is_null(), "{absent}: full mode never latches");
         }
         assert!(grasp["latched_at_s"].as_f64().unwrap() > 2.0 && grasp["released_at_s"].is_null());
-        assert_eq!(compare["same_outcome"], true);
+        assert_eq!((&compare["same_outcome"], &compare["vacuous"]), (&true.into(), &false.into()));
+        assert_eq!((&grasp["latched_share"], &grasp["substructured_share"]), (&1.0.into(), &0.0.into()));
+        assert_eq!(grasp["changes"], serde_json::json!([{ "time_s": grasp["latched_at_s"], "phase": 1 }]));
+        assert_eq!(full["changes"], serde_json::json!([]));
         assert!(compare["relative_error"].as_f64().unwrap() < 0.05, "{compare}");
         assert!(compare["normal_force_relative_error"].as_f64().unwrap() < 0.02, "{compare}");
         for mode in ["full", "grasp"] {
@@ -122,6 +135,57 @@ fn pushes_scaled_to_their_onset_are_held_below_it_and_not_above() {
     };
     assert_eq!(outcome("0.95"), "held");
     assert_ne!(outcome("1.05"), "held");
+}
+
+#[test]
+fn the_onset_that_was_found_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = ["--push", "along", "--mode", "full", "--at-onset", "0.5", "--no-pictures", "--out", "o"];
+    let found = run(folder.path(), &data("claw.toml"), &options).json()["at_onset"].clone();
+    assert_eq!((&found["share"], &found["pushes"][0]["push"]), (&0.5.into(), &"along".into()));
+    assert_eq!(found["pushes"].as_array().unwrap().len(), 1);
+    let factor = found["pushes"][0]["onset_factor"].as_f64().unwrap();
+    // The scenario's push is 3 N along x, and is held.
+    assert!(factor > 1.0);
+    let force = found["pushes"][0]["force_n"][0].as_f64().unwrap();
+    assert!((force - 0.5 * factor * 3.0).abs() < 1e-9, "{found}");
+    let text = call_in(folder.path(), &[&["run", &data("claw.toml")], &options[..]].concat()).stdout;
+    assert!(
+        text.contains("smallest push that full mode does not hold") && text.contains(&format!("{factor:.4}")),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_comparison_in_which_nothing_was_latched_is_marked_as_saying_nothing() {
+    let (folder, scenario) = changed_claw(&[], &[("palm = \"palm\"", "palm = \"palm\"\nlatch_quality = 100.0")]);
+    let options = ["--push", "none", "--no-pictures"];
+    let called = run(folder.path(), scenario.to_str().unwrap(), &options);
+    let pair = &called.json()["runs"][0];
+    assert_eq!((&pair["compare"]["vacuous"], &pair["compare"]["same_outcome"]), (&true.into(), &true.into()));
+    assert_eq!((&pair["grasp"]["latched_share"], &pair["grasp"]["substructured_share"]), (&0.0.into(), &Value::Null));
+    assert_eq!(called.json()["warnings"].as_array().unwrap().len(), 1);
+    let text = call_in(folder.path(), &[&["run", scenario.to_str().unwrap()], &options[..]].concat()).stdout;
+    assert!(text.contains("says nothing: grasp mode was latched for none"), "{text}");
+}
+
+#[test]
+fn a_quality_that_only_the_pin_gave_is_not_reported_as_reached() {
+    // The pin goes after the fingers have opened again.
+    let open = "[[control]]\ntime = 1.9\nall = 0.0\n\n[[push]]\nname = \"along\"";
+    let (folder, scenario) = changed_claw(&[], &[("[[push]]\nname = \"along\"", open)]);
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
+    assert!(called.stderr.contains("its quality reached 0.0000 N"), "{}", called.stderr);
+}
+
+#[test]
+fn full_mode_that_creeps_without_noslip_is_named_with_the_option_that_ends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = ["--push", "none", "--no-pictures", "--duration", "30", "--noslip", "0"];
+    let text = call_in(folder.path(), &[&["run", "clutch"], &options[..]].concat()).stdout;
+    assert!(text.contains("full mode runs without noslip iterations") && text.contains("--noslip 100"), "{text}");
+    let text = call_in(folder.path(), &["run", &data("claw.toml"), "--push", "none", "--no-pictures"]).stdout;
+    assert!(!text.contains("--noslip"), "the claw's full mode does not creep: {text}");
 }
 
 #[test]
@@ -232,4 +296,75 @@ fn bench_times_all_four_variants() {
             assert!(known.iter().any(|s| solver.starts_with(s)), "{solver}");
         }
     }
+}
+
+/// A scene that includes a file of a subfolder, with a mesh of another, all by relative names.
+#[test]
+fn a_relative_scenario_path_finds_the_model_its_includes_and_its_meshes() {
+    let root = tempfile::tempdir().unwrap();
+    let at = |path: &str| root.path().join(path);
+    for folder in ["robot/parts", "robot/meshes", "scenarios/deep"] {
+        std::fs::create_dir_all(at(folder)).unwrap();
+    }
+    std::fs::copy(data("claw.xml"), at("robot/claw.xml")).unwrap();
+    let scene = "<mujoco><compiler meshdir=\"meshes\"/><include file=\"claw.xml\"/><include file=\"parts/wedge.xml\"/></mujoco>";
+    std::fs::write(at("robot/scene.xml"), scene).unwrap();
+    let wedge = "<mujoco><asset><mesh name=\"wedge\" file=\"wedge.stl\"/></asset>\
+                 <worldbody><geom type=\"mesh\" mesh=\"wedge\" pos=\"0 3 0\"/></worldbody></mujoco>";
+    std::fs::write(at("robot/parts/wedge.xml"), wedge).unwrap();
+    std::fs::write(at("robot/meshes/wedge.stl"), tetrahedron()).unwrap();
+    let toml = std::fs::read_to_string(data("claw.toml")).unwrap();
+    std::fs::write(at("robot/claw.toml"), toml.replace("claw.xml", "scene.xml")).unwrap();
+    std::fs::write(at("scenarios/claw.toml"), toml.replace("claw.xml", "../robot/scene.xml")).unwrap();
+    for (working_in, scenario) in [
+        ("robot", "claw.toml"),
+        ("robot", "./claw.toml"),
+        (".", "robot/claw.toml"),
+        ("robot/parts", "../claw.toml"),
+        ("scenarios/deep", "../claw.toml"),
+        ("scenarios/deep", "../../robot/parts/../claw.toml"),
+    ] {
+        // Both ways of loading: as it is, and with a weld beside it.
+        for limits in ["cones", "box"] {
+            let options = ["--limits", limits, "--push", "none", "--mode", "grasp", "--no-pictures", "--out", "o"];
+            let json = run(&at(working_in), scenario, &options).json();
+            assert_eq!(json["runs"][0]["grasp"]["outcome"], "held", "{scenario} in {working_in}, {limits}");
+        }
+    }
+}
+
+/// Binary STL.
+fn tetrahedron() -> Vec<u8> {
+    let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut stl = vec![0; 80];
+    stl.extend(4_u32.to_le_bytes());
+    for face in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+        stl.extend(
+            [0.0_f32, 0.0, 1.0].into_iter().chain(face.into_iter().flat_map(|i| corners[i])).flat_map(f32::to_le_bytes),
+        );
+        stl.extend([0, 0]);
+    }
+    stl
+}
+
+#[test]
+fn a_target_that_starts_inside_the_hand_is_warned_of_once() {
+    // The ball, put into the fingers.
+    let (folder, scenario) = changed_claw(&[("0 0 0.3 1 0 0 0", "0 0 0.36 1 0 0 0")], &[]);
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
+    assert_eq!(called.stderr.matches("inside the hand").count(), 1, "{}", called.stderr);
+    assert!(called.stderr.contains("full-none, grasp-none: "), "{}", called.stderr);
+    let warnings = called.json()["warnings"].clone();
+    assert!(warnings[0].as_str().unwrap().contains("inside the hand"), "{warnings}");
+}
+
+#[test]
+fn a_target_that_leaves_when_the_pin_goes_is_warned_of_with_the_cause() {
+    // One finger alone presses on the pinned ball.
+    let one = ("set = {", "set = { f0_mcp = 0.6, f0_pip = 1.0 } #");
+    let (folder, scenario) = changed_claw(&[], &[one]);
+    let called = run(folder.path(), scenario.to_str().unwrap(), &["--push", "none", "--no-pictures"]);
+    assert!(called.stderr.contains("within 0.1 s of pin_until = 2 s the target moved"), "{}", called.stderr);
+    let claw = run(folder.path(), &data("claw.toml"), &["--push", "none", "--no-pictures"]);
+    assert_eq!((claw.stderr.as_str(), &claw.json()["warnings"]), ("", &serde_json::json!([])));
 }

@@ -105,7 +105,10 @@ fn before_the_first_latch_a_grasp_step_is_mujocos_bit_for_bit() {
         for step in 0..1000 {
             claw.grasps.step(&mut stepped).unwrap();
             plain.step().unwrap();
-            assert!(bits(&stepped, &Grasps::new()) == bits(&plain, &Grasps::new()), "{options}: step {step} from the start");
+            assert!(
+                bits(&stepped, &Grasps::new()) == bits(&plain, &Grasps::new()),
+                "{options}: step {step} from the start"
+            );
         }
     }
 }

@@ -20,6 +20,7 @@ effectors = ["f0_3", "f1_3"]
 palm = "palm"
 latch_quality = 0.2
 release_quality = 0.05
+latch_time = 0.1
 limits = "box"
 relaxed = ["x", "rz"]
 axes = [2.0, 0.0, 0.0, 0.0]
@@ -90,7 +91,7 @@ fn every_field_is_read() {
     assert_eq!(grasp.effectors, [model.body("f0_3").unwrap(), model.body("f1_3").unwrap()]);
     assert_eq!(grasp.palm, Some(model.body("palm").unwrap()));
     assert_eq!((grasp.latch_quality, grasp.release_quality), (Some(0.2), Some(0.05)));
-    assert_eq!(grasp.limits, Limits::Box);
+    assert_eq!((grasp.latch_time, grasp.limits), (0.1, Limits::Box));
     assert_eq!(grasp.relaxed, [true, false, false, false, false, true]);
     assert!(grasp.axes.angle() < 1e-15);
     assert_eq!((plan.timeline.duration, plan.timeline.pin_until, plan.timeline.measure_from()), (6.0, 3.0, 4.0));
@@ -112,7 +113,7 @@ fn what_is_left_out_has_its_default() {
     assert_eq!((plan.keyframe, plan.grasps.len()), (None, 1));
     assert_eq!(plan.grasps[0].limits, Limits::Cones);
     assert_eq!(plan.grasps[0].relaxed, [true; 6]);
-    assert_eq!(plan.grasps[0].latch_quality, None);
+    assert_eq!((plan.grasps[0].latch_quality, plan.grasps[0].latch_time), (None, 0.05));
     assert_eq!((plan.timeline.pin_until, plan.timeline.measure_from()), (0.0, 0.0));
     assert_eq!(plan.select_pushes("all").unwrap().len(), 1);
     assert!(plan.select_pushes("all").unwrap()[0].is_none());
@@ -194,6 +195,7 @@ fn numbers_that_make_no_sense() {
         refused("time = 1.6", &format!("time = {bad}"), &["control[0].time", "0 or above"]);
         refused("start = 4.5", &format!("start = {bad}"), &["push[0].start", "0 or above"]);
         refused("release_quality = 0.05", &format!("release_quality = {bad}"), &["grasp[0].release_quality"]);
+        refused("latch_time = 0.1", &format!("latch_time = {bad}"), &["grasp[0].latch_time", "0 or above"]);
     }
     for bad in ["nan", "inf", "-inf"] {
         refused("f0_mcp = 0.45", &format!("f0_mcp = {bad}"), &["control[0].set.f0_mcp", "finite"]);

@@ -195,7 +195,7 @@ fn nothing_to_compare_is_null() {
 }
 
 #[test]
-fn csv_has_the_columns_of_the_contract() {
+fn csv_has_the_columns_of_the_reference() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full-none.csv");
     trajectory([1.5, 2.5], |t, s| s.grasped = t > 0.0).write_csv(&path).unwrap();
@@ -210,4 +210,45 @@ fn csv_has_the_columns_of_the_contract() {
     let last: Vec<f64> = lines.next_back().unwrap().split(',').map(|v| v.parse().unwrap()).collect();
     assert_eq!((last[0], last[8]), (5.0, 1.0));
     assert_eq!(text.lines().count(), 502);
+}
+
+#[test]
+fn shares_are_of_the_time_until_the_last_touch() {
+    // Touched until 3 s after measuring starts, latched for the first two of them, and from before.
+    let s = summary(|t, s| {
+        s.grasped = (-0.5..1.995).contains(&t);
+        s.touching = t < 2.995;
+    });
+    assert!((s.latched_share.unwrap() - 2.0 / 3.0).abs() < 1e-9, "{:?}", s.latched_share);
+    assert_eq!(s.substructured_share, Some(0.0));
+    let times: Vec<(f64, u8)> = s.changes.iter().map(|c| (c.time_s, c.phase)).collect();
+    assert_eq!(times, [(0.5, 1), (3.0, 0)]);
+}
+
+#[test]
+fn shares_that_do_not_exist_are_null() {
+    let never = summary(|_, _| ());
+    assert_eq!((never.latched_share, never.substructured_share), (Some(0.0), None));
+    assert!(never.changes.is_empty());
+    let untouched = summary(|_, s| s.touching = false);
+    assert_eq!((untouched.latched_share, untouched.substructured_share), (None, None));
+    // Latched before measuring only: nothing of the measured time.
+    let before = summary(|t, s| s.grasped = t < -0.5);
+    assert_eq!((before.latched_share, before.substructured_share), (Some(0.0), None));
+    assert_eq!(before.changes.len(), 2);
+}
+
+#[test]
+fn a_comparison_without_a_latched_step_in_its_window_says_nothing() {
+    let full = trajectory([1.0, 2.0], |_, _| ());
+    let early = trajectory([1.0, 2.0], |t, s| s.grasped = t < -0.1);
+    assert!(compared(&full, &early).vacuous, "given up before measuring");
+    // The window ends where the target is lost.
+    let late = trajectory([1.0, 2.0], |t, s| {
+        s.position.x += if t < 1.0 { 0.0 } else { 1.0 };
+        s.grasped = t > 1.5;
+    });
+    assert!(compared(&full, &late).vacuous, "latched after the loss");
+    let once = trajectory([1.0, 2.0], |t, s| s.grasped = (0.295..0.305).contains(&t));
+    assert!(!compared(&full, &once).vacuous);
 }

@@ -1,5 +1,6 @@
 //! A drawing area with a scale and the program's own font, and saving as SVG or PNG.
 
+use std::io::{Cursor, Write};
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -10,6 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
 use super::ReportError;
+use crate::whole_file::write_whole;
 
 /// Pixels of a PNG for each unit of an SVG: figures are drawn at twice their nominal size, to stay sharp when enlarged.
 const PNG_SCALE: u32 = 2;
@@ -133,8 +135,11 @@ pub(crate) trait Figure {
     /// Saves as the file name's ending says.
     fn save_as(&self, path: &Path) -> Result<(), ReportError> {
         match extension(path).as_str() {
-            "svg" => std::fs::write(path, self.to_svg()?)
-                .map_err(|source| ReportError::Write { path: path.to_owned(), source }),
+            "svg" => {
+                let svg = self.to_svg()?;
+                write_whole(path, |file| file.write_all(svg.as_bytes()))
+                    .map_err(|source| ReportError::Write { path: path.to_owned(), source })
+            }
             "png" => save_png(&self.to_image()?, path),
             _ => Err(ReportError::Format { path: path.to_owned(), wanted: ".svg or .png" }),
         }
@@ -157,8 +162,10 @@ pub(crate) fn extension(path: &Path) -> String {
 }
 
 pub(crate) fn save_png(image: &RgbImage, path: &Path) -> Result<(), ReportError> {
-    image.save_with_format(path, image::ImageFormat::Png).map_err(|error| match error {
-        image::ImageError::IoError(source) => ReportError::Write { path: path.to_owned(), source },
-        source => ReportError::Encode { path: path.to_owned(), source },
-    })
+    let mut png = Vec::new();
+    image
+        .write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png)
+        .map_err(|source| ReportError::Encode { path: path.to_owned(), source })?;
+    write_whole(path, |file| file.write_all(&png))
+        .map_err(|source| ReportError::Write { path: path.to_owned(), source })
 }

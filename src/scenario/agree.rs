@@ -32,6 +32,9 @@ pub const ONSET_ACCURACY: f64 = 0.01;
 /// What finding both onsets of a direction costs, in trials.
 pub const TRIALS_PER_ONSET: u64 = 6;
 
+/// Noslip iterations of the stricter full solve that a disagreement is tried with, over full mode's own.
+pub const STRICTER: usize = 10;
+
 /// A lever for the first guess of a torque where nothing touches the target \[m\].
 const LEVER: f64 = 0.03;
 
@@ -70,6 +73,9 @@ pub struct Trial {
     pub grasp: Ending,
     /// Both, compared.
     pub compare: Comparison,
+    /// Where the outcomes differ: whether full mode itself has another one with [`STRICTER`] times the noslip iterations.
+    /// `None` where they do not, and without any noslip iterations.
+    pub chaotic: Option<bool>,
 }
 
 /// Both modes where the push starts.
@@ -122,19 +128,27 @@ impl Ground {
         (self.setting.push.start, self.setting.plan.timeline.duration)
     }
 
-    /// The onsets of all directions. `progress` is told of each.
+    /// Noslip iterations of full mode.
+    pub fn noslip(&self) -> usize {
+        self.start.full.runner().sim().model().noslip_iterations()
+    }
+
+    /// The onsets of all directions, but for those that the plan's [`Stop`](super::stop::Stop) interrupts. `progress` is
+    /// told of each.
     pub fn onsets(&self, progress: &(dyn Fn() + Sync)) -> Vec<Onset> {
         let setting = &self.setting;
         let find = |start: &mut Start, direction: Direction| {
             let onset = setting.onset(start, direction);
             progress();
-            onset
+            setting.unless_stopped(onset)
         };
-        directions().into_par_iter().map_with(self.start.clone(), find).collect()
+        let found: Vec<Option<Onset>> = directions().into_par_iter().map_with(self.start.clone(), find).collect();
+        found.into_iter().flatten().collect()
     }
 
-    /// `trials` random pushes in the directions that have an onset in full mode; none if no direction has. `progress` is
-    /// told of each. They depend on nothing but `onsets` and `seed`.
+    /// `trials` random pushes in the directions that have an onset in full mode; none if no direction has. Those that the
+    /// plan's [`Stop`](super::stop::Stop) interrupts are left out. `progress` is told of each. They depend on nothing but
+    /// `onsets` and `seed`.
     pub fn trials(&self, onsets: &[Onset], trials: u64, seed: u64, progress: &(dyn Fn() + Sync)) -> Vec<Trial> {
         let setting = &self.setting;
         let choices: Vec<usize> = (0..onsets.len()).filter(|&i| onsets[i].full.is_some()).collect();
@@ -146,13 +160,19 @@ impl Ground {
             let direction = choices[draw.choice];
             let done = setting.trial(start, trial, direction, &onsets[direction], draw);
             progress();
-            done
+            setting.unless_stopped(done)
         };
-        (0..trials).into_par_iter().map_with(self.start.clone(), run).collect()
+        let done: Vec<Option<Trial>> = (0..trials).into_par_iter().map_with(self.start.clone(), run).collect();
+        done.into_iter().flatten().collect()
     }
 }
 
 impl Setting {
+    /// What was simulated before it was asked to stop; what came of it later is not to be trusted.
+    fn unless_stopped<T>(&self, result: T) -> Option<T> {
+        (!self.plan.stop.is_asked()).then_some(result)
+    }
+
     /// A push of this size and duration.
     fn push(&self, direction: &Direction, size: f64, duration: f64) -> Push {
         let (force, torque) = direction.wrench(size);
@@ -179,7 +199,9 @@ impl Setting {
         let (full, grasp) = (start.full.push(&push), start.grasp.push(&push));
         let measure_from = self.plan.timeline.measure_from();
         let compare = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), measure_from);
-        Trial { trial, direction, share: draw.share, push, full: full.ending(), grasp: grasp.ending(), compare }
+        let chaotic = if compare.same_outcome { None } else { start.full.is_chaotic(&push, full.summary.outcome) };
+        let (full, grasp) = (full.ending(), grasp.ending());
+        Trial { trial, direction, share: draw.share, push, full, grasp, compare, chaotic }
     }
 }
 

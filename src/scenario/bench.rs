@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::error::Error;
-use super::onset::{advance, full_at_measure, onset, outcome};
+use super::onset::{full_at_measure, onset, outcome};
 use super::outcome::{LOSS_DISTANCE, median};
 use super::plan::{Plan, Push};
 use super::run::Options;
@@ -135,11 +135,12 @@ struct Variant {
 pub fn bench(plan: &Plan, steps: usize, progress: &dyn Fn(u64)) -> Result<Report, Error> {
     let from = plan.timeline.measure_from();
     let mut held = Runner::new(plan, Mode::Grasp, None)?;
-    advance(&mut held, from)?;
+    held.advance_to(from)?;
     let ik_us = ik_cost(&held)?;
     let latched = held.grasp().phase() == Phase::Grasped;
     let reference = full_at_measure(plan, Options::default())?;
     let onset_factor = plan.pushes.first().and_then(|push| onset(&reference, plan, push));
+    plan.stop.check()?;
     progress(1);
     let (sim, grasps) = held.into_parts();
     let state = sim.save();
@@ -274,6 +275,7 @@ impl Bench<'_> {
     }
 
     fn turn_of(&self, variant: &mut Variant, load: Option<Load>) -> Result<(), Error> {
+        self.plan.stop.check()?;
         variant.sim.restore(&self.state)?;
         if let Some((saved, working)) = &mut variant.grasps {
             working.clone_from(saved);

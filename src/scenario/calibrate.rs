@@ -161,7 +161,8 @@ fn watch(plan: &Plan, from: f64) -> Result<(Trajectory, Option<String>), Error> 
         match runner.step() {
             Ok(_) if time < from - 0.5 * plan.model.timestep() => {}
             Ok(sample) => trajectory.push(sample, runner.normal_forces()),
-            Err(e) => return Ok((trajectory, Some(format!("at {time:.3} s: {e}")))),
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            Err(e) => return Ok((trajectory, Some(e.to_string()))),
         }
     }
     Ok((trajectory, None))

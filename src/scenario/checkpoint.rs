@@ -5,6 +5,7 @@
 
 use serde::Serialize;
 
+use super::agree::STRICTER;
 use super::error::Error;
 use super::outcome::{LOSS_DISTANCE, Motion, Outcome, Summary, summarize};
 use super::plan::{Plan, Push};
@@ -42,8 +43,14 @@ pub struct Ending {
     pub peak_motion_m: Option<f64>,
     /// Of a lost target where it was when it was lost \[m\].
     pub final_offset_m: Option<f64>,
+    /// \[rad\]
+    pub peak_rotation_rad: Option<f64>,
     /// \[s\]
     pub slip_onset_s: Option<f64>,
+    /// As in [`Summary`].
+    pub latched_share: Option<f64>,
+    /// As in [`Summary`].
+    pub substructured_share: Option<f64>,
     /// Why the simulation failed.
     pub error: Option<String>,
 }
@@ -58,17 +65,12 @@ impl Checkpoint {
         let mut runner = Runner::new(plan, mode, Some(push))?;
         runner.set_push(None);
         options.set_noslip(runner.sim_mut())?;
-        let failed = |time: f64, source| {
-            let what = format!("{} mode, before the push", mode.name());
-            Error::Step { what, time, source }
-        };
         let measure_from = plan.timeline.measure_from();
-        runner.advance_to(measure_from).map_err(|source| failed(runner.time(), source))?;
+        runner.advance_to(measure_from)?;
         let mut recorded = runner.trajectory();
         let half = 0.5 * plan.model.timestep();
         while runner.time() < push.start - half {
-            let time = runner.time();
-            let sample = runner.step().map_err(|source| failed(time, source))?;
+            let sample = runner.step()?;
             recorded.push(sample, runner.normal_forces());
         }
         Ok(Self { runner, recorded, measure_from })
@@ -91,11 +93,10 @@ impl Checkpoint {
         let mut trajectory = self.recorded.clone();
         let mut error = None;
         while !runner.is_over() {
-            let time = runner.time();
             match runner.step() {
                 Ok(sample) => trajectory.push(sample, runner.normal_forces()),
                 Err(e) => {
-                    error = Some(format!("{} mode, at {time:.3} s: {e}", runner.mode().name()));
+                    error = Some(e.to_string());
                     break;
                 }
             }
@@ -107,7 +108,19 @@ impl Checkpoint {
         if error.is_some() {
             summary.forget_the_end();
         }
+        if runner.mode() == Mode::Full {
+            summary.forget_the_latch();
+        }
         Pushed { trajectory, summary, error }
+    }
+
+    /// Whether `push` has another outcome than `outcome` with [`STRICTER`] times the noslip iterations from here on: then
+    /// the reference does not know it either. `None` without any noslip iterations, and if the engine refuses.
+    pub(super) fn is_chaotic(&self, push: &Push, outcome: Option<Outcome>) -> Option<bool> {
+        let noslip = self.runner.sim().model().noslip_iterations();
+        let mut stricter = self.clone();
+        stricter.runner.sim_mut().set_noslip_iterations(STRICTER * noslip).ok()?;
+        (noslip > 0).then(|| stricter.push(push).summary.outcome != outcome)
     }
 
     /// Whether `push` is held. A simulation that fails under it holds nothing.
@@ -124,7 +137,10 @@ impl Pushed {
             outcome: s.outcome,
             peak_motion_m: s.peak_motion_m,
             final_offset_m: s.final_offset_m,
+            peak_rotation_rad: s.peak_rotation_rad,
             slip_onset_s: s.slip_onset_s,
+            latched_share: s.latched_share,
+            substructured_share: s.substructured_share,
             error: self.error.clone(),
         }
     }

@@ -15,6 +15,9 @@ const SMALLEST_PEAK: f64 = 0.002;
 pub struct Comparison {
     /// Held, slid or lost alike.
     pub same_outcome: bool,
+    /// Grasp mode was latched for none of the compare window: both modes were the same simulation there, and the comparison
+    /// says nothing.
+    pub vacuous: bool,
     /// RMS distance of the two motions \[m\].
     pub position_rmse_m: Option<f64>,
     /// `position_rmse_m` over the larger of full's peak motion and 2 mm.
@@ -32,6 +35,7 @@ pub struct Comparison {
 pub fn compare(full: (&Trajectory, &Summary), grasp: (&Trajectory, &Summary), measure_from: f64) -> Comparison {
     let mut comparison = Comparison {
         same_outcome: full.1.outcome.is_some() && full.1.outcome == grasp.1.outcome,
+        vacuous: true,
         position_rmse_m: None,
         relative_error: None,
         rotation_rmse_rad: None,
@@ -58,6 +62,7 @@ pub fn compare(full: (&Trajectory, &Summary), grasp: (&Trajectory, &Summary), me
             reference += fa.powi(2);
         }
     }
+    comparison.vacuous = !grasp.0.samples()[b0..b0 + n].iter().any(|s| s.grasped);
     let rms = |sum: f64| (n > 0).then(|| (sum / n as f64).sqrt());
     comparison.position_rmse_m = rms(position);
     comparison.rotation_rmse_rad = rms(rotation);

@@ -90,6 +90,9 @@ pub enum Error {
         /// Why.
         source: crate::grasp::Error,
     },
+    /// The simulation was asked to stop, as by Ctrl-C, before its end.
+    #[error("interrupted")]
+    Interrupted,
     /// The quality of a grasp cannot be computed.
     #[error("the quality of the grasp: {0}")]
     Quality(#[source] crate::grasp::metrics::quality::QualityError),
@@ -118,7 +121,7 @@ impl Error {
             | Self::Option { .. }
             | Self::Grasp { .. }
             | Self::Goal { .. } => true,
-            Self::Step { .. } | Self::Quality(_) | Self::Engine(_) | Self::Write { .. } => false,
+            Self::Step { .. } | Self::Interrupted | Self::Quality(_) | Self::Engine(_) | Self::Write { .. } => false,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The scenario file as it is written: TOML, every field of `design/contract.md`, checked for everything that can be
+//! The scenario file as it is written: TOML, every field of `docs/reference.md`, checked for everything that can be
 //! checked without the model. Names are looked up later, in [`super::plan`].
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -16,15 +16,9 @@ use crate::mujoco::BodyId;
 pub fn quality_at_measure(plan: &Plan) -> Result<QualityReport, Error> {
     let mut runner = Runner::new(plan, Mode::Full, None)?;
     let from = plan.timeline.measure_from();
-    let failed =
-        |runner: &Runner, source| Error::Step { what: "full mode, push none".into(), time: runner.time(), source };
-    if let Err(source) = runner.advance_to(from) {
-        return Err(failed(&runner, source));
-    }
+    runner.advance_to(from)?;
     // The contacts and forces of a time are those of the step that starts there.
-    if let Err(source) = runner.step() {
-        return Err(failed(&runner, source));
-    }
+    runner.step()?;
     let grasp = runner.grasp();
     let contacts: Vec<LoadedContact> =
         grasp.contacts().iter().filter(|c| grasp.links().contains(&c.link_id)).map(|c| c.loaded()).collect();

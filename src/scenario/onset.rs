@@ -18,20 +18,8 @@ const FARTHEST: f64 = 1024.0;
 pub fn full_at_measure(plan: &Plan, options: Options) -> Result<Runner, Error> {
     let mut runner = Runner::new(plan, Mode::Full, None)?;
     options.set_noslip(runner.sim_mut())?;
-    advance(&mut runner, plan.timeline.measure_from())?;
+    runner.advance_to(plan.timeline.measure_from())?;
     Ok(runner)
-}
-
-/// Runs up to `time`, without recording.
-///
-/// # Errors
-/// [`Error::Step`].
-pub fn advance(runner: &mut Runner, time: f64) -> Result<(), Error> {
-    runner.advance_to(time).map_err(|source| Error::Step {
-        what: format!("{} mode", runner.mode().name()),
-        time: runner.time(),
-        source,
-    })
 }
 
 /// How `push` ends, from a runner at `measure_from`. A simulation that diverges has lost its target.

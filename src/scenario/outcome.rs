@@ -1,4 +1,4 @@
-//! What became of one run: the terms of `design/contract.md`, as pure functions of its trajectory.
+//! What became of one run: the terms of `docs/reference.md`, as pure functions of its trajectory.
 //!
 //! All motion is that of the target's frame in the palm's frame, from its pose at `measure_from`.
 
@@ -30,6 +30,15 @@ pub enum Outcome {
     Lost,
 }
 
+/// A latch or a release.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// The first step in the new phase \[s\].
+    pub time_s: f64,
+    /// As in trajectories: 0 ungrasped, 1 grasped.
+    pub phase: u8,
+}
+
 /// One run in numbers; the JSON object R. A number that does not exist is `None`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
@@ -39,8 +48,18 @@ pub struct Summary {
     pub latched_at_s: Option<f64>,
     /// First release after it \[s\].
     pub released_at_s: Option<f64>,
+    /// Of the steps from `measure_from` to the hand's last touch of the target, those that were latched. `None` in full
+    /// mode, and when nothing touched.
+    pub latched_share: Option<f64>,
+    /// Of the latched ones among them, those with hand and object stepped apart from the arm (phase 2): none yet. `None`
+    /// when none was latched.
+    pub substructured_share: Option<f64>,
+    /// Every latch and release, from the start of the run.
+    pub changes: Vec<Change>,
     /// Largest distance from the pose at `measure_from` \[m\].
     pub peak_motion_m: Option<f64>,
+    /// Largest turn from the attitude at `measure_from` \[rad\].
+    pub peak_rotation_rad: Option<f64>,
     /// Distance at the end \[m\].
     pub final_offset_m: Option<f64>,
     /// Largest -dist between hand and target from `measure_from` on \[m\].
@@ -63,6 +82,12 @@ impl Summary {
         self.outcome = None;
         self.final_offset_m = None;
         self.creep_m_per_s = None;
+    }
+
+    /// Of full mode, which has nothing to latch.
+    pub(super) fn forget_the_latch(&mut self) {
+        self.latched_share = None;
+        self.substructured_share = None;
     }
 }
 
@@ -107,7 +132,11 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
         outcome: None,
         latched_at_s: latch.map(|i| samples[i].time),
         released_at_s: release.map(|i| samples[i].time),
+        latched_share: None,
+        substructured_share: None,
+        changes: changes(samples),
         peak_motion_m: None,
+        peak_rotation_rad: None,
         final_offset_m: None,
         max_penetration_m: None,
         creep_m_per_s: None,
@@ -126,8 +155,14 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
     let peak = window.iter().map(|s| Motion::between(start, s).offset.norm()).fold(0.0, f64::max);
     let offset = Motion::between(start, end).offset.norm();
     let lost = lost_at(trajectory, measure_from).is_some();
+    let touched = &window[..window.iter().rposition(|s| s.touching).map_or(0, |last| last + 1)];
+    let latched = touched.iter().filter(|s| s.grasped).count();
+    summary.latched_share = (!touched.is_empty()).then(|| latched as f64 / touched.len() as f64);
+    summary.substructured_share = (latched > 0).then_some(0.0);
     summary.outcome = Some(classify(lost, peak, offset));
     summary.peak_motion_m = Some(peak);
+    summary.peak_rotation_rad =
+        Some(window.iter().map(|s| Motion::between(start, s).rotation.angle()).fold(0.0, f64::max));
     summary.final_offset_m = Some(offset);
     summary.max_penetration_m = Some(window.iter().map(|s| s.penetration).fold(0.0, f64::max));
     summary.creep_m_per_s = if lost { None } else { creep(window, pushed_until) };
@@ -135,6 +170,13 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
     summary.slip_onset_s = window.iter().find(|s| s.slip > SLIP_ONSET).map(|s| s.time);
     summary.step_us_median = median(window.iter().map(|s| s.step_ns as f64 * 1e-3).collect());
     summary
+}
+
+/// Every change of the phase; a run starts ungrasped.
+fn changes(samples: &[Sample]) -> Vec<Change> {
+    let mut phase = 0;
+    let changed = samples.iter().filter(|s| s.phase() != std::mem::replace(&mut phase, s.phase()));
+    changed.map(|s| Change { time_s: s.time, phase: s.phase() }).collect()
 }
 
 /// Held, slid or lost, from the peak and the final offset \[m\].

@@ -8,7 +8,9 @@ use super::actuator;
 use super::control::Entry;
 use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
+use super::length;
 use super::source::Source;
+use super::stop::Stop;
 use crate::grasp::{DEFAULT_LATCH_TIME, DEFAULT_RELEASE_TIME, GraspSpec, Limits, find_hand, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
@@ -33,6 +35,8 @@ pub struct Plan {
     pub goals: Vec<Goal>,
     /// Perturbations.
     pub pushes: Vec<Push>,
+    /// Ends every simulation of this plan, and of its clones, when it is asked.
+    pub stop: Stop,
 }
 
 /// A fingertip goal.
@@ -150,7 +154,10 @@ impl Plan {
             .map(|(i, entry)| push(&model, path, i, entry, &grasps))
             .collect::<Result<Vec<_>, _>>()?;
         let (name, timeline) = (file.name.clone(), file.timeline);
-        Ok(Self { name, file: path.to_path_buf(), model, keyframe, timeline, grasps, controls, goals, pushes })
+        let (file, stop) = (path.to_path_buf(), Stop::default());
+        let plan = Self { name, file, model, keyframe, timeline, grasps, controls, goals, pushes, stop };
+        length::check_timestep(&plan)?;
+        Ok(plan)
     }
 
     /// The pushes that `--push` selects: `all` each by itself, `none` (or a scenario without pushes) the run without one.
@@ -194,12 +201,17 @@ impl Plan {
     /// # Errors
     /// A factor that is not finite.
     pub fn scale_pushes(mut self, factor: f64) -> Result<Self, Error> {
-        if !factor.is_finite() {
-            let (option, value, expected) = ("--scale-push", factor.to_string(), "it must be a finite number");
-            return Err(Error::Option { option, value, expected });
-        }
         for push in &mut self.pushes {
             *push = push.scaled(factor);
+        }
+        let finite = |p: &Push| p.force.iter().chain(&p.torque).all(|v| v.is_finite());
+        if !(factor.is_finite() && self.pushes.iter().all(finite)) {
+            let (option, value) = ("--scale-push", factor.to_string());
+            return Err(Error::Option {
+                option,
+                value,
+                expected: "it must be a finite number, and so must each push times it",
+            });
         }
         Ok(self)
     }

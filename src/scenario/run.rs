@@ -75,10 +75,13 @@ pub struct Run {
     /// Why it ended early.
     #[serde(skip)]
     pub error: Option<Error>,
+    /// Why its results could not be stored.
+    #[serde(skip)]
+    pub unwritten: Option<Error>,
     /// What the engine warned of.
     #[serde(skip)]
     pub warnings: Vec<String>,
-    /// Highest quality of the run \[N\], for those that never latch.
+    /// Highest quality of the run once the target was free \[N\], for those that never latch.
     #[serde(skip)]
     pub best_quality: f64,
     /// The quality that it takes to latch \[N\].
@@ -122,7 +125,7 @@ pub struct OtherGrasp {
     /// In numbers.
     #[serde(flatten)]
     pub summary: Summary,
-    /// Highest quality of the run \[N\].
+    /// Highest quality of the run once the target was free \[N\].
     #[serde(skip)]
     pub best_quality: f64,
     /// The quality that it takes to latch \[N\].
@@ -143,6 +146,13 @@ pub struct Pair {
     pub compare: Option<Comparison>,
 }
 
+impl Pair {
+    /// The runs that there are, full mode's first.
+    pub fn runs(&self) -> impl Iterator<Item = &Run> {
+        [&self.full, &self.grasp].into_iter().flatten()
+    }
+}
+
 /// Compares the runs' grasps one by one.
 fn compare_runs(full: &Run, grasp: &Run, measure_from: f64) -> Comparison {
     let mut comparison = compare((&full.trajectory, &full.summary), (&grasp.trajectory, &grasp.summary), measure_from);
@@ -152,10 +162,11 @@ fn compare_runs(full: &Run, grasp: &Run, measure_from: f64) -> Comparison {
     comparison
 }
 
-/// Runs `modes` x `pushes` in parallel. A result that cannot be stored ends them all.
+/// Runs `modes` x `pushes` in parallel. What the plan's [`Stop`](super::stop::Stop) interrupts is left out of the pairs.
 ///
 /// # Errors
-/// What prevents a run from starting, and what `observer` reports; a run that fails on its way keeps what it has, and its [`Run::error`].
+/// What prevents a run from starting. A run that fails on its way keeps what it has, and its [`Run::error`]; one that
+/// `observer` cannot store has its [`Run::unwritten`].
 pub fn run_all(
     plan: &Plan,
     modes: &[Mode],
@@ -165,13 +176,18 @@ pub fn run_all(
 ) -> Result<Vec<Pair>, Error> {
     let jobs: Vec<(Mode, Option<&Push>)> =
         pushes.iter().flat_map(|&push| modes.iter().map(move |&mode| (mode, push))).collect();
-    let mut runs: Vec<Run> =
-        jobs.par_iter().map(|&(mode, push)| run(plan, mode, push, options, observer)).collect::<Result<_, _>>()?;
+    if let Some(&(mode, push)) = jobs.first() {
+        Runner::new(plan, mode, push)?.check_memory(plan, jobs.len())?;
+    }
+    let finished = |&(mode, push): &(Mode, Option<&Push>)| match run(plan, mode, push, options, observer) {
+        Err(Error::Interrupted) => Ok(None),
+        other => other.map(Some),
+    };
+    let mut runs: Vec<Option<Run>> = jobs.par_iter().map(finished).collect::<Result<_, _>>()?;
     let mut pairs = Vec::with_capacity(pushes.len());
-    for _ in pushes {
-        let mut pair = Pair { push: String::new(), full: None, grasp: None, compare: None };
-        for run in runs.drain(..modes.len()) {
-            pair.push.clone_from(&run.push);
+    for push in pushes {
+        let mut pair = Pair { push: push_name(*push), full: None, grasp: None, compare: None };
+        for run in runs.drain(..modes.len()).flatten() {
             match run.mode {
                 Mode::Full => pair.full = Some(run),
                 Mode::Grasp => pair.grasp = Some(run),
@@ -183,6 +199,11 @@ pub fn run_all(
         pairs.push(pair);
     }
     Ok(pairs)
+}
+
+/// As in file names and on the command line.
+fn push_name(push: Option<&Push>) -> String {
+    push.map_or_else(|| "none".to_owned(), |p| p.name.clone())
 }
 
 /// One run from start to end.
@@ -210,9 +231,9 @@ pub fn run(
         }
         match runner.step() {
             Ok(_) => runner.record(&mut trajectories),
-            Err(source) => {
-                let what = format!("{} mode, push {}", mode.name(), push.map_or("none", |p| &p.name));
-                error = Some(Error::Step { what, time, source });
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            Err(failed) => {
+                error = Some(failed);
                 break;
             }
         }
@@ -232,13 +253,16 @@ pub fn run(
             if error.is_some() {
                 summary.forget_the_end();
             }
+            if mode == Mode::Full {
+                summary.forget_the_latch();
+            }
             let model = runner.sim().model();
             let name = |body: BodyId| model.body_name(body).map_or_else(|| model.label(body), str::to_owned);
             OtherGrasp {
                 index,
                 target: name(grasp.target()),
                 palm: name(grasp.palm()),
-                best_quality: trajectory.samples().iter().map(|s| s.quality).fold(0.0, f64::max),
+                best_quality: best_quality(&trajectory, plan.timeline.pin_until),
                 latch_quality: grasp.latch_quality(),
                 trajectory,
                 summary,
@@ -258,18 +282,25 @@ pub fn run(
             }
         })
         .collect();
-    let run = Run {
+    let mut run = Run {
         mode,
-        push: push.map_or_else(|| "none".to_owned(), |p| p.name.clone()),
+        push: push_name(push),
         latch_quality,
         trajectory,
         summary,
         others: grasps,
         poses,
         error,
+        unwritten: None,
         warnings,
         best_quality,
     };
-    (observer.finished)(&run)?;
+    run.unwritten = (observer.finished)(&run).err();
     Ok(run)
+}
+
+/// Highest quality from the time on when the target is free: what the pin holds is no grasp.
+fn best_quality(trajectory: &Trajectory, pin_until: f64) -> f64 {
+    let free = trajectory.index_at(pin_until).unwrap_or(trajectory.samples().len());
+    trajectory.samples()[free..].iter().map(|s| s.quality).fold(0.0, f64::max)
 }

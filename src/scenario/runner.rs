@@ -7,8 +7,10 @@ use serde::Serialize;
 
 use super::control::Schedule;
 use super::error::Error;
+use super::length;
 use super::pin::Pin;
 use super::plan::{Plan, Push};
+use super::stop::Stop;
 use super::tracker::{Feel, Tracker};
 use super::trajectory::{Sample, Trajectory};
 use super::watch::{Now, Watch};
@@ -48,9 +50,10 @@ pub struct Runner {
     push: Option<Push>,
     pin_until: f64,
     measure_from: f64,
-    duration: f64,
     timestep: f64,
+    total_steps: u64,
     steps: u64,
+    stop: Stop,
     /// One for each grasp.
     watches: Vec<Watch>,
     /// The last step's, one for each grasp.
@@ -63,8 +66,11 @@ impl Runner {
     /// Sets the scenario up at its start.
     ///
     /// # Errors
-    /// A grasp or fingertip goals that do not fit the model.
+    /// A grasp or fingertip goals that do not fit the model, a time step that makes no step, a run that is too long to be
+    /// recorded.
     pub fn new(plan: &Plan, mode: Mode, push: Option<&Push>) -> Result<Self, Error> {
+        plan.stop.check()?;
+        length::check_timestep(plan)?;
         let mut sim = Simulation::new(&plan.model)?;
         if let Some(key) = plan.keyframe {
             sim.reset_to_keyframe(key)?;
@@ -86,7 +92,7 @@ impl Runner {
         let targets: Vec<BodyId> = grasps.iter().map(Grasp::target).collect();
         let pins = if plan.timeline.pin_until > 0.0 { Pin::all(&mut sim, &targets) } else { Vec::new() };
         let watched = push.map_or(0, |p| p.grasp);
-        Ok(Self {
+        let runner = Self {
             mode,
             schedule: Schedule::new(sim.ctrl(), &plan.controls),
             ctrl: sim.ctrl().to_vec(),
@@ -99,11 +105,14 @@ impl Runner {
             push: push.cloned(),
             pin_until: plan.timeline.pin_until,
             measure_from: plan.timeline.measure_from(),
-            duration: plan.timeline.duration,
             timestep: sim.model().timestep(),
+            total_steps: length::steps(plan) as u64,
             steps: 0,
+            stop: plan.stop.clone(),
             sim,
-        })
+        };
+        runner.check_memory(plan, 1)?;
+        Ok(runner)
     }
 
     /// Time of the next step, from the start of the scenario \[s\], rounded to the nanosecond: k * h is no round number in
@@ -114,7 +123,15 @@ impl Runner {
 
     /// Steps of the whole run: one for each multiple of the time step from 0 to the duration.
     pub fn total_steps(&self) -> u64 {
-        (self.duration / self.timestep + 0.5).floor() as u64 + 1
+        self.total_steps
+    }
+
+    /// Refuses `runs` such runs at once, if what they record cannot fit in memory.
+    ///
+    /// # Errors
+    /// [`Error::Field`], with steps and bytes.
+    pub fn check_memory(&self, plan: &Plan, runs: usize) -> Result<(), Error> {
+        length::check_memory(plan, length::bytes(plan, self.grasps.iter().map(|g| g.links().len())), runs)
     }
 
     /// Whether the run is over.
@@ -198,7 +215,7 @@ impl Runner {
     ///
     /// # Errors
     /// As [`Self::step`].
-    pub fn advance_to(&mut self, time: f64) -> Result<(), grasp::Error> {
+    pub fn advance_to(&mut self, time: f64) -> Result<(), Error> {
         while self.time() < time - 0.5 * self.timestep {
             self.step()?;
         }
@@ -209,9 +226,19 @@ impl Runner {
     /// there.
     ///
     /// # Errors
-    /// A simulation that diverged, full buffers, faults of the engine.
-    pub fn step(&mut self) -> Result<Sample, grasp::Error> {
-        let (time, half) = (self.time(), 0.5 * self.timestep);
+    /// [`Error::Step`]: a simulation that diverged, full buffers, faults of the engine. [`Error::Interrupted`] once the
+    /// plan's [`Stop`] was asked.
+    pub fn step(&mut self) -> Result<Sample, Error> {
+        self.stop.check()?;
+        let time = self.time();
+        self.step_at(time).map_err(|source| {
+            let what = format!("{} mode, push {}", self.mode.name(), self.push.as_ref().map_or("none", |p| &p.name));
+            Error::Step { what, time, source }
+        })
+    }
+
+    fn step_at(&mut self, time: f64) -> Result<Sample, grasp::Error> {
+        let half = 0.5 * self.timestep;
         let pinned = time < self.pin_until - half;
         if pinned {
             self.pins.iter().for_each(|pin| pin.hold(&mut self.sim));

@@ -88,12 +88,23 @@ impl Source {
             }
             None => {
                 let path = self.path.parent().unwrap_or(Path::new("")).join(model);
+                let absolute = in_absolute_folder(&path);
                 if extra.is_empty() {
-                    Model::from_xml_file(&path).map_err(failed(path))
+                    Model::from_xml_file(absolute).map_err(failed(path))
                 } else {
-                    Model::from_xml_file_with(&path, extra).map_err(failed(path))
+                    Model::from_xml_file_with(absolute, extra).map_err(failed(path))
                 }
             }
         }
+    }
+}
+
+/// The same file by an absolute path without `..`: what it includes is found in the same way by every version of MuJoCo, from
+/// any working directory. A folder that does not exist stays as it is, to be complained of.
+fn in_absolute_folder(path: &Path) -> PathBuf {
+    let folder = path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
+    match (folder.map(Path::canonicalize), path.file_name()) {
+        (Some(Ok(folder)), Some(name)) => folder.join(name),
+        _ => path.to_path_buf(),
     }
 }

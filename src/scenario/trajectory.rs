@@ -1,12 +1,11 @@
 //! What a run leaves behind: one sample per step.
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::error::Error;
+use super::rows;
 
 /// The state of a grasp in one step: poses, contacts and forces of the same instant, before the step integrates.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +30,16 @@ pub struct Sample {
     /// Wall-clock time of the step \[ns\].
     pub step_ns: u64,
 }
+
+impl Sample {
+    /// The phase as a number: 0 ungrasped, 1 grasped.
+    pub fn phase(&self) -> u8 {
+        u8::from(self.grasped)
+    }
+}
+
+/// The first columns of a trajectory's file; the links' normal forces follow.
+pub const COLUMNS: [&str; 10] = ["time_s", "px_m", "py_m", "pz_m", "qw", "qx", "qy", "qz", "phase", "quality_n"];
 
 /// Samples of one run, in order of time.
 #[derive(Clone, Debug, Default)]
@@ -87,25 +96,12 @@ impl Trajectory {
     /// # Errors
     /// [`Error::Write`].
     pub fn write_csv(&self, path: &Path) -> Result<(), Error> {
-        let failed = |source: std::io::Error| Error::Write { file: path.to_path_buf(), source };
-        let file = File::create(path).map_err(failed)?;
-        let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-        self.write_rows(&mut writer).map_err(|e| failed(e.into()))?;
-        writer.flush().map_err(failed)
-    }
-
-    fn write_rows(&self, writer: &mut csv::Writer<BufWriter<File>>) -> Result<(), csv::Error> {
-        let fixed = ["time_s", "px_m", "py_m", "pz_m", "qw", "qx", "qy", "qz", "phase", "quality_n"];
         let forces = self.links.iter().map(|link| format!("normal_force_n:{link}"));
-        writer.write_record(fixed.iter().map(|&s| s.to_owned()).chain(forces))?;
-        for (index, s) in self.samples.iter().enumerate() {
+        let head = COLUMNS.iter().map(|&s| s.to_owned()).chain(forces);
+        let rows = self.samples.iter().enumerate().map(|(index, s)| {
             let (p, q) = (s.position, s.rotation);
-            let phase = u8::from(s.grasped);
-            writer.serialize((
-                (s.time, p.x, p.y, p.z, q.w, q.i, q.j, q.k, phase, s.quality),
-                self.normal_forces(index),
-            ))?;
-        }
-        Ok(())
+            ((s.time, p.x, p.y, p.z, q.w, q.i, q.j, q.k, s.phase(), s.quality), self.normal_forces(index))
+        });
+        rows::write(path, head, rows)
     }
 }

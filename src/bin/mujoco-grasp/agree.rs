@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context;
 use mujoco_grasp::mujoco;
 use mujoco_grasp::scenario::agree::{Ground, TRIALS_PER_ONSET};
 use mujoco_grasp::scenario::draw::directions;
@@ -11,10 +10,10 @@ use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
 use serde::Serialize;
 
-use crate::output::{Output, complain, number, table};
+use crate::output::{FAILURE, Output, complain, number, table};
 use crate::progress::Progress;
 use crate::run::Overrides;
-use crate::scatters;
+use crate::{leftovers, scatters, signals};
 
 /// `agree SCENARIO`
 #[derive(Debug, clap::Args)]
@@ -49,43 +48,80 @@ struct Report<'a> {
     end_s: f64,
     /// The grasp is latched when the push starts.
     latched: bool,
+    /// Noslip iterations of full mode.
+    noslip_iterations: usize,
     #[serde(flatten)]
     tally: Tally,
+    /// Only when it was interrupted, or a table could not be written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
 }
+
+/// What it writes.
+const FILES: [&str; 4] = ["agree-onsets.csv", "agree-trials.csv", "agree-peak.svg", "agree-final.svg"];
 
 /// Random pushes in both modes.
 pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let plan = Plan::load_with(&args.scenario, args.overrides.limits())?;
+    let mut plan = Plan::load_with(&args.scenario, args.overrides.limits())?;
+    plan.stop = signals::stop();
     let ground = Ground::new(&plan, args.overrides.options())?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
-    std::fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    leftovers::clear_of(&FILES, &out)?;
     if !ground.is_latched() {
         complain("warning", "the grasp is not latched when the push starts: both modes are the same simulation");
     }
 
-    let progress = Progress::new(directions().len() as u64 * TRIALS_PER_ONSET + args.trials, "pushing");
+    let directions = directions().len();
+    let progress = Progress::new(directions as u64 * TRIALS_PER_ONSET + args.trials, "pushing");
     let onsets = ground.onsets(&|| progress.advance(TRIALS_PER_ONSET));
     // Kept whatever comes.
-    write_onsets(&onsets, &out.join("agree-onsets.csv"))?;
-    let trials = ground.trials(&onsets, args.trials, args.seed, &|| progress.advance(1));
+    let mut failures = Vec::from_iter(write_onsets(&onsets, &out.join(FILES[0])).err());
+    let mut trials = Vec::new();
+    if !plan.stop.is_asked() {
+        trials = ground.trials(&onsets, args.trials, args.seed, &|| progress.advance(1));
+        failures.extend(write_trials(&onsets, &trials, &out.join(FILES[1])).err());
+    }
     progress.finish();
-    write_trials(&onsets, &trials, &out.join("agree-trials.csv"))?;
-    if trials.is_empty() {
+    if trials.is_empty() && !plan.stop.is_asked() {
         complain(
             "warning",
             "no trials: full mode has no onset in any direction (it holds, or does not, whatever the push)",
         );
     }
+    let unwritten = !failures.is_empty();
+    let mut failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
+    if let Some((signal, _)) = signals::received() {
+        let (found, made) = (onsets.len(), trials.len());
+        failures.push(format!(
+            "interrupted by {signal}: the onsets of {found} of {directions} directions were found, and {made} of {} trials \
+             made",
+            args.trials
+        ));
+    }
+    failures.iter().for_each(|message| complain("error", message));
 
     let (push_start_s, end_s) = ground.times();
-    let (engine, latched) = (mujoco::mujoco_version(), ground.is_latched());
-    let tally = Tally::new(&onsets, &trials);
-    let report = Report { scenario: &plan.name, engine, seed: args.seed, push_start_s, end_s, latched, tally };
+    let noslip_iterations = ground.noslip();
+    let report = Report {
+        scenario: &plan.name,
+        engine: mujoco::mujoco_version(),
+        seed: args.seed,
+        push_start_s,
+        end_s,
+        latched: ground.is_latched(),
+        noslip_iterations,
+        tally: Tally::new(&onsets, &trials, noslip_iterations),
+        error: (!failures.is_empty()).then(|| failures.join("; ")),
+    };
     output.write(&report, || text(&report, &out))?;
-    if !args.no_pictures && !trials.is_empty() {
+    if !args.no_pictures && !trials.is_empty() && !unwritten {
         scatters::save(&plan.name, &trials, &out);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(match signals::received() {
+        Some((_, status)) => status,
+        None if failures.is_empty() => ExitCode::SUCCESS,
+        None => ExitCode::from(FAILURE),
+    })
 }
 
 fn text(report: &Report<'_>, out: &Path) -> String {
@@ -128,12 +164,35 @@ fn text(report: &Report<'_>, out: &Path) -> String {
     text.push_str(
         "of the motion, error over its peak (held); of the final offset (slid); below 0.1 mm there is no error\n",
     );
+    text.push_str(&format!(
+        "held, as they are: motion {} at worst, rotation {}, normal forces {} (medians)\n",
+        percent(t.held.worst_relative_error),
+        percent(t.held.rotation_relative_error),
+        percent(t.held.normal_force_relative_error)
+    ));
+    text.push_str(&format!(
+        "\nagreement {} of {} trials; latched for {} of the time in contact (median of held and slid trials), {} in a tenth\n",
+        percent(t.agreement),
+        t.trials - t.vacuous_trials,
+        percent(t.latched_share.median),
+        percent(t.latched_share.p10)
+    ));
+    if t.vacuous_trials > 0 {
+        text.push_str(&format!(
+            "{} trials say nothing: grasp mode was latched for none of the compared time; they are left out\n",
+            t.vacuous_trials
+        ));
+    }
     let both = t.onsets.iter().filter(|o| o.full.is_some() && o.grasp.is_some()).count();
     text.push_str(&format!(
         "\nonset: differs by {} (median of {both} of {} directions)\n",
         percent(t.onset_relative_error_median),
         t.onsets.len()
     ));
+    text.push_str(&format!("slip onset: differs by {} (median)\n", percent(t.slip_onset_relative_error_median)));
+    if report.noslip_iterations == 0 && t.same_outcome < t.trials - t.vacuous_trials {
+        text.push_str("full mode runs without noslip iterations, so what it holds creeps: compare with --noslip 100\n");
+    }
     if t.failed > 0 {
         text.push_str(&format!("simulations that failed: {} (see the disagreements)\n", t.failed));
     }
@@ -146,7 +205,7 @@ fn text(report: &Report<'_>, out: &Path) -> String {
 
 fn disagreements(tally: &Tally) -> String {
     let vector = |v: &[f64; 3]| format!("({:.3}, {:.3}, {:.3})", v[0], v[1], v[2]);
-    let heads = ["trial", "force N", "torque N m", "for s", "of onset", "full", "mm", "grasp", "mm", "error"];
+    let heads = ["trial", "force N", "torque N m", "for s", "of onset", "full", "mm", "grasp", "mm", "", "error"];
     let mut rows = vec![heads.map(str::to_owned).to_vec()];
     for d in &tally.disagreements {
         rows.push(vec![
@@ -155,12 +214,23 @@ fn disagreements(tally: &Tally) -> String {
             vector(&d.torque_nm),
             format!("{:.3}", d.duration_s),
             format!("{:.3}", d.size_over_onset),
-            crate::run::outcome(d.full.outcome).to_owned(),
+            crate::summary::outcome(d.full.outcome).to_owned(),
             number(d.full_final_offset_m, 1e3, 2),
-            crate::run::outcome(d.grasp.outcome).to_owned(),
+            crate::summary::outcome(d.grasp.outcome).to_owned(),
             number(d.grasp_final_offset_m, 1e3, 2),
+            match (d.vacuous, d.chaotic) {
+                (true, _) => "says nothing",
+                (_, Some(true)) => "chaotic",
+                _ => "",
+            }
+            .to_owned(),
             d.error.clone().unwrap_or_default(),
         ]);
     }
-    format!("disagreements\n{}", table(&rows))
+    let chaotic = if tally.chaotic_trials.is_some_and(|n| n > 0) {
+        "chaotic: full mode itself has another outcome with 10 times the noslip iterations\n"
+    } else {
+        ""
+    };
+    format!("disagreements\n{}{chaotic}", table(&rows))
 }

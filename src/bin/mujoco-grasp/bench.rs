@@ -7,6 +7,7 @@ use mujoco_grasp::scenario::plan::Plan;
 
 use crate::output::{Output, complain, number, table};
 use crate::progress::Progress;
+use crate::signals;
 
 /// `bench SCENARIO`
 #[derive(Debug, clap::Args)]
@@ -20,7 +21,8 @@ pub struct Args {
 
 /// Times the holding phase.
 pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let plan = Plan::load(&args.scenario)?;
+    let mut plan = Plan::load(&args.scenario)?;
+    plan.stop = signals::stop();
     let progress = Progress::new(PARTS, "timing");
     let report = measure(&plan, args.steps as usize, &|n| progress.advance(n));
     progress.finish();

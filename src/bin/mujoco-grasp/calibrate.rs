@@ -7,6 +7,7 @@ use mujoco_grasp::scenario::plan::Plan;
 
 use crate::output::{Output, complain, number, table};
 use crate::progress::Progress;
+use crate::signals;
 
 /// `calibrate SCENARIO`
 #[derive(Debug, clap::Args)]
@@ -17,7 +18,8 @@ pub struct Args {
 
 /// Both thresholds of the first grasp.
 pub fn calibrate(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let plan = Plan::load(&args.scenario)?;
+    let mut plan = Plan::load(&args.scenario)?;
+    plan.stop = signals::stop();
     let progress = Progress::new(simulations(&plan)? as u64, "pressing");
     let calibration = find(&plan, &|| progress.advance(1));
     progress.finish();

@@ -1,9 +1,10 @@
-//! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See design/contract.md for what scripts rely on.
+//! `mujoco-grasp`: runs, compares and times grasps on MuJoCo. See docs/reference.md for what scripts rely on.
 #![forbid(unsafe_code)]
 
 mod agree;
 mod bench;
 mod calibrate;
+mod leftovers;
 mod list;
 mod output;
 mod pictures;
@@ -11,6 +12,9 @@ mod progress;
 mod quality;
 mod run;
 mod scatters;
+mod signals;
+mod summary;
+mod warnings;
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -18,7 +22,7 @@ use std::time::Duration;
 use clap::{Parser, Subcommand};
 use mujoco_grasp::mujoco;
 
-use output::Output;
+use output::{Output, complain};
 
 /// Grasps on MuJoCo: once a grasp is good enough, its contacts become one six-axis constraint.
 ///
@@ -63,6 +67,9 @@ fn main() -> ExitCode {
     let output = Output { json: cli.json };
     if cli.isolated {
         mujoco::isolate_loading(Some(LOADING_LIMIT));
+    }
+    if let Err(error) = signals::install() {
+        complain("warning", &format!("an interrupted call will keep nothing: no handler for signals: {error}"));
     }
     let result = match &cli.command {
         Command::List => list::list(output),

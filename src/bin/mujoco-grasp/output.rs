@@ -3,9 +3,12 @@
 use std::io::Write;
 use std::process::ExitCode;
 
+use anyhow::Context;
 use mujoco_grasp::scenario;
 use serde::Serialize;
 use serde_json::json;
+
+use crate::signals;
 
 /// Exit status of anything that failed but bad input.
 pub const FAILURE: u8 = 1;
@@ -24,16 +27,20 @@ impl Output {
     pub fn write(self, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
         let mut out = if self.json { serde_json::to_string_pretty(value)? } else { text().trim_end().to_owned() };
         out.push('\n');
-        match std::io::stdout().lock().write_all(out.as_bytes()) {
+        let mut stdout = std::io::stdout().lock();
+        match stdout.write_all(out.as_bytes()).and_then(|()| stdout.flush()) {
             // The reader has seen enough, as in `| head`.
             Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-            other => Ok(other?),
+            other => other.context("cannot write to standard output"),
         }
     }
 
     /// Tells of an error that left no result, and gives its exit status.
     pub fn fail(self, error: &anyhow::Error) -> ExitCode {
-        let message = format!("{error:#}");
+        let mut message = message(error);
+        if let Some((signal, _)) = signals::received().filter(|_| was_interrupted(error)) {
+            message = format!("{message} by {signal}");
+        }
         complain("error", &message);
         if self.json {
             // A message on standard error has been given; nothing more can be done if this one fails.
@@ -43,8 +50,24 @@ impl Output {
     }
 }
 
-/// 2 for bad input, 1 for the rest.
+/// The error and its causes; a cause whose text an error bears already is not said again.
+pub fn message(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |said, cause| match cause.to_string() {
+        cause if said.is_empty() => cause,
+        cause if said.contains(&cause) => said,
+        cause => format!("{said}: {cause}"),
+    })
+}
+
+fn was_interrupted(error: &anyhow::Error) -> bool {
+    error.chain().any(|e| matches!(e.downcast_ref(), Some(scenario::Error::Interrupted)))
+}
+
+/// 130 or 143 for what a signal cut short, 2 for bad input, 1 for the rest.
 pub fn status(error: &anyhow::Error) -> ExitCode {
+    if let Some((_, status)) = signals::received().filter(|_| was_interrupted(error)) {
+        return status;
+    }
     let bad = error.chain().filter_map(|e| e.downcast_ref::<scenario::Error>()).any(scenario::Error::is_bad_input);
     ExitCode::from(if bad { BAD_INPUT } else { FAILURE })
 }

@@ -10,7 +10,7 @@ use mujoco_grasp::scenario::outcome::Motion;
 use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::{Pair, Run};
 
-use crate::output::complain;
+use crate::output::{complain, message};
 use crate::progress::Progress;
 
 const FRAME: (u32, u32) = (400, 320);
@@ -29,19 +29,19 @@ pub fn save_all(plan: &Plan, pairs: &[Pair], out: &Path) {
     let mut artist = match Artist::new(plan) {
         Ok(artist) => Some(artist),
         Err(e) => {
-            complain("warning", &format!("no rendered frames: {e:#}"));
+            complain("warning", &format!("no rendered frames: {}", message(&e)));
             None
         }
     };
-    for pair in pairs {
+    for pair in pairs.iter().filter(|p| p.runs().next().is_some()).take_while(|_| !plan.stop.is_asked()) {
         let push = plan.pushes.iter().find(|p| p.name == pair.push);
         if let Err(e) = motion(plan, pair, push, &out.join(format!("motion-{}.svg", pair.push))) {
-            complain("warning", &format!("no plot of push {}: {e:#}", pair.push));
+            complain("warning", &format!("no plot of push {}: {}", pair.push, message(&e)));
         }
         if let Some(artist) = &mut artist
             && let Err(e) = artist.strip(plan, pair, push, &out.join(format!("strip-{}.png", pair.push)))
         {
-            complain("warning", &format!("no frames of push {}: {e:#}", pair.push));
+            complain("warning", &format!("no frames of push {}: {}", pair.push, message(&e)));
         }
         progress.advance(1);
     }
@@ -59,15 +59,11 @@ fn describe(push: Option<&Push>) -> String {
     )
 }
 
-fn runs(pair: &Pair) -> impl Iterator<Item = &Run> {
-    [&pair.full, &pair.grasp].into_iter().flatten()
-}
-
 fn motion(plan: &Plan, pair: &Pair, push: Option<&Push>, path: &Path) -> anyhow::Result<()> {
     let mut marks = Vec::new();
     let mut traces = Vec::new();
     let mut thresholds = Vec::new();
-    for run in runs(pair) {
+    for run in pair.runs() {
         let trajectory = &run.trajectory;
         let Some(first) = trajectory.index_at(plan.timeline.measure_from()) else { continue };
         let samples = trajectory.samples();
@@ -115,12 +111,12 @@ impl Artist {
 
     fn strip(&mut self, plan: &Plan, pair: &Pair, push: Option<&Push>, path: &Path) -> anyhow::Result<()> {
         let times = times(plan, push);
-        let Some(first) = runs(pair).find_map(|run| pose_at(run, times[0])) else {
+        let Some(first) = pair.runs().find_map(|run| pose_at(run, times[0])) else {
             anyhow::bail!("the run ended before there was anything to see");
         };
         let camera = self.camera(plan, first)?;
         let mut rows = Vec::new();
-        for run in runs(pair) {
+        for run in pair.runs() {
             let mut frames = Vec::new();
             for &time in &times {
                 if let Some(pose) = pose_at(run, time) {

@@ -7,6 +7,7 @@ use mujoco_grasp::scenario::measure::quality_at_measure;
 use mujoco_grasp::scenario::plan::Plan;
 
 use crate::output::{Output, complain, table};
+use crate::signals;
 
 /// `quality SCENARIO`
 #[derive(Debug, clap::Args)]
@@ -17,7 +18,8 @@ pub struct Args {
 
 /// Grasp quality of the full contact solve at `measure_from`.
 pub fn quality(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let plan = Plan::load(&args.scenario)?;
+    let mut plan = Plan::load(&args.scenario)?;
+    plan.stop = signals::stop();
     let report = quality_at_measure(&plan)?;
     if report.contacts == 0 {
         complain("warning", "nothing touches the target then");

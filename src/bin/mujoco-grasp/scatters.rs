@@ -8,7 +8,7 @@ use mujoco_grasp::scenario::checkpoint::Ending;
 use mujoco_grasp::scenario::outcome::{LOSS_DISTANCE, Outcome};
 
 use crate::output::complain;
-use crate::run::outcome;
+use crate::summary::outcome;
 
 /// Motions below this are drawn there: they are nothing that either mode could be held to \[mm\].
 const LEAST_MM: f64 = 0.01;
