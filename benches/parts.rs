@@ -1,4 +1,5 @@
 //! The parts of a grasped step: contact laws, the arrow-shaped solve (with filling in its rows), the quality.
+#![allow(missing_docs)] // what criterion_group makes has none
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use mujoco_grasp::grasp::cones::arrow::{Arrow, ROOT, RootVector};

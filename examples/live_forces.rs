@@ -25,6 +25,7 @@ pub struct Reading {
     pub sliding: bool,
 }
 
+/// The program; returns what its test looks at.
 pub fn run() -> Result<Vec<Reading>, Box<dyn Error>> {
     let model = Model::from_xml_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/gripper.xml"))?;
     let mut sim = Simulation::new(&model)?;

@@ -20,6 +20,7 @@ pub struct Held {
     pub height: f64,
 }
 
+/// The program; returns what its test looks at.
 pub fn run() -> Result<Held, Box<dyn Error>> {
     let model = Model::from_xml_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/gripper.xml"))?;
     let mut sim = Simulation::new(&model)?;

@@ -104,8 +104,11 @@ pub mod guide {}
 pub mod kinematics;
 #[allow(unsafe_code)]
 pub mod mujoco;
+#[cfg(feature = "report")]
 pub mod report;
+#[cfg(feature = "scenario")]
 pub mod scenario;
+#[cfg(any(feature = "report", feature = "scenario"))]
 mod whole_file;
 
 /// The README's Rust runs as a test.

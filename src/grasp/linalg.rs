@@ -1,7 +1,5 @@
 //! Small dense kernels on slices (row-major): sizes are known only at run time and too small for a library's blocking.
 
-use crate::grasp::cones::arrow::{ROOT, RootVector};
-
 /// `sum x_i y_i`, in four strands so that the additions do not wait for each other.
 #[inline(always)]
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
@@ -33,9 +31,9 @@ pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 /// its factor. A pivot that rounding makes non-positive is raised to the smallest positive number: the callers'
 /// matrices are bounded below by the identity.
 #[inline(always)]
-pub fn cholesky_solve(a: &mut [RootVector; ROOT], b: &mut RootVector) {
-    let mut inverse = [0.0; ROOT];
-    for j in 0..ROOT {
+pub fn cholesky_solve<const N: usize>(a: &mut [[f64; N]; N], b: &mut [f64; N]) {
+    let mut inverse = [0.0; N];
+    for j in 0..N {
         let (head, tail) = a.split_at_mut(j + 1);
         let row = &mut head[j];
         let pivot = row[j] - dot(&row[..j], &row[..j]);
@@ -45,7 +43,7 @@ pub fn cholesky_solve(a: &mut [RootVector; ROOT], b: &mut RootVector) {
         }
         b[j] = (b[j] - dot(&row[..j], &b[..j])) * inverse[j];
     }
-    for j in (0..ROOT).rev() {
+    for j in (0..N).rev() {
         b[j] *= inverse[j];
         let x = b[j];
         axpy(-x, &a[j][..j], &mut b[..j]);
@@ -141,14 +139,15 @@ mod tests {
 
     #[test]
     fn factors_a_positive_definite_matrix() {
+        const ROOT: usize = 12;
         let mut a = [[0.0; ROOT]; ROOT];
         for i in 0..ROOT {
             for j in 0..ROOT {
                 a[i][j] = (-((i as f64 - j as f64) / 3.0).powi(2)).exp() + f64::from(i == j);
             }
         }
-        let x: RootVector = std::array::from_fn(|i| (i as f64).cos());
-        let mut b: RootVector = std::array::from_fn(|i| dot(&a[i], &x));
+        let x: [f64; ROOT] = std::array::from_fn(|i| (i as f64).cos());
+        let mut b: [f64; ROOT] = std::array::from_fn(|i| dot(&a[i], &x));
         cholesky_solve(&mut a, &mut b);
         assert!(b.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12));
     }

@@ -7,6 +7,7 @@ mod force;
 mod grasps;
 pub(crate) mod hand;
 pub(crate) mod linalg;
+#[cfg(feature = "metrics")]
 pub mod metrics;
 pub mod monitor;
 mod settings;

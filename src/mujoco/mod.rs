@@ -7,8 +7,10 @@
 //! - [`Error`]: engine faults, dropped contacts, resets by the engine. Nothing is printed, logged or ended by MuJoCo.
 
 mod arrays;
+#[cfg(feature = "render")]
 mod arrow;
 mod broad;
+#[cfg(feature = "render")]
 mod camera;
 mod clearance;
 mod collider;
@@ -16,6 +18,7 @@ mod compat;
 mod compiled;
 mod contact;
 mod data_arrays;
+#[cfg(feature = "render")]
 mod egl;
 mod error;
 pub(crate) mod ffi;
@@ -34,6 +37,7 @@ mod pairs;
 mod placement;
 mod poses;
 mod proximity;
+#[cfg(feature = "render")]
 mod render;
 pub mod rows;
 mod scan;
@@ -46,7 +50,9 @@ mod state;
 mod vfs;
 mod warnings;
 
+#[cfg(feature = "render")]
 pub use arrow::Arrow;
+#[cfg(feature = "render")]
 pub use camera::Camera;
 pub use clearance::Clearance;
 pub use collider::PairCollider;
@@ -63,6 +69,7 @@ pub use kinds::{
     WrapKind,
 };
 pub use model::Model;
+#[cfg(feature = "render")]
 pub use render::{Drawing, Renderer};
 pub use rows::ConstraintRow;
 pub use simulation::Simulation;

@@ -30,6 +30,7 @@ use super::trace::{Mark, Push, Threshold, Trace};
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct MotionPlot {
+    /// Above the figure.
     pub title: String,
     /// Shaded in every panel.
     pub push: Option<Push>,

@@ -25,11 +25,13 @@ pub struct PointSet {
 /// A scatter plot with the identity line: x from full mode, y from grasp mode. Both axes have the same range.
 #[derive(Debug, Clone, Default)]
 pub struct Scatter {
+    /// Above the figure.
     pub title: String,
     /// With unit: "full: peak motion \[mm\]".
     pub x_label: String,
     /// With unit: "grasp: peak motion \[mm\]".
     pub y_label: String,
+    /// The points, by kind.
     pub sets: Vec<PointSet>,
     /// Logarithmic axes. Points with a coordinate that is not positive cannot be shown; the figure says how many.
     pub log: bool,

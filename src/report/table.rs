@@ -43,7 +43,9 @@ const THESIS: [(&str, f64, f64, f64); 2] =
 /// The thesis's Table 5.1 with ours beside it.
 #[derive(Debug, Clone, Default)]
 pub struct BenchTable {
+    /// Above the figure.
     pub title: String,
+    /// From top to bottom.
     pub rows: Vec<BenchRow>,
 }
 

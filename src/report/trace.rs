@@ -21,7 +21,9 @@ pub struct Trace {
 /// The interval in which the target is pushed.
 #[derive(Debug, Clone)]
 pub struct Push {
+    /// When it begins \[s\].
     pub start_s: f64,
+    /// When it ends \[s\].
     pub end_s: f64,
     /// Its name and force, as the legend shows it: "fp1 (0, -9.5, 0) N".
     pub label: String,
@@ -30,6 +32,7 @@ pub struct Push {
 /// An event at one time: the latch, the release.
 #[derive(Debug, Clone)]
 pub struct Mark {
+    /// When \[s\].
     pub time_s: f64,
     /// What happened; the legend adds the time.
     pub label: String,
@@ -38,6 +41,7 @@ pub struct Mark {
 /// A level of the quality panel: Q_Th, Q_M.
 #[derive(Debug, Clone)]
 pub struct Threshold {
+    /// Quality \[N\].
     pub quality_n: f64,
     /// The level's name; the legend adds the value.
     pub label: String,

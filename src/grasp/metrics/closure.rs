@@ -7,10 +7,9 @@
 
 use clarabel::solver::{NonnegativeConeT, SecondOrderConeT, SolverStatus, ZeroConeT};
 use nalgebra::{Matrix6, Vector3, Vector6};
-use thiserror::Error;
 
 use crate::grasp::metrics::conic::Program;
-use crate::grasp::metrics::quality::{QualityError, check, finite};
+use crate::grasp::metrics::error::{QualityError, SolverFault, check, finite};
 use crate::grasp::monitor::gram::RANK_TOLERANCE;
 use crate::grasp::monitor::wrench::{LoadedContact, inverse, stack};
 
@@ -21,20 +20,6 @@ pub const CLOSURE_MARGIN: f64 = 1e-4;
 const LEAST_LOAD: f64 = 1e-4;
 /// Largest violation of balance or cones in a solution that is believed, relative to its largest force.
 const RESIDUAL: f64 = 1e-6;
-
-/// The conic solver gave no solution that could be verified.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum SolverFault {
-    /// It refused the problem.
-    #[error("the conic solver refused the balance of {contacts} contacts: {reason}")]
-    Refused { contacts: usize, reason: String },
-    /// It stopped without a usable point.
-    #[error(
-        "the conic solver stopped ({status}) on the balance of {contacts} contacts, violated by {residual:.1e} \
-         (at most 1e-6)"
-    )]
-    Unsolved { contacts: usize, status: String, residual: f64 },
-}
 
 /// What bounds the normal forces of an equilibrium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,10 +9,8 @@
 use nalgebra::{Matrix6, Vector6};
 use thiserror::Error;
 
-use crate::grasp::metrics::quickhull::{Broken, Facet, MAX_FACETS, Quickhull};
+use crate::grasp::metrics::quickhull::{Broken, D, Facet, MAX_FACETS, Quickhull};
 
-/// Dimension of wrench space.
-pub(super) const D: usize = 6;
 /// Points whose extent along some axis is below this fraction of the largest span no volume.
 const FLAT: f64 = 1e-7;
 /// Relative size of the jog in each attempt.
@@ -23,19 +21,32 @@ const JOGS: [f64; 4] = [0.0, 1e-8, 1e-7, 1e-6];
 pub enum HullError {
     /// A coordinate that is NaN or infinite.
     #[error("point {point} of the hull has a coordinate that is not finite")]
-    NotFinite { point: usize },
+    NotFinite {
+        /// Its place in the list, from 0.
+        point: usize,
+    },
     /// Rounding defeated every attempt.
     #[error("the hull of {points} points did not close, even with its points jogged by 1e-6 of their spread")]
-    NotClosed { points: usize },
+    NotClosed {
+        /// Number of points.
+        points: usize,
+    },
     /// Too many facets.
     #[error("the hull of {points} points takes more than {limit} facets to form; give fewer points")]
-    TooComplex { points: usize, limit: usize },
+    TooComplex {
+        /// Number of points.
+        points: usize,
+        /// The most there may be.
+        limit: usize,
+    },
 }
 
 /// A facet's plane `normal . x = offset`, its unit normal pointing out of the hull.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FacetPlane {
+    /// Unit normal, out of the hull.
     pub normal: Vector6<f64>,
+    /// Distance of the plane from the origin along the normal.
     pub offset: f64,
 }
 

@@ -31,33 +31,16 @@
 use faer::Mat;
 use nalgebra::{Vector3, Vector6};
 use serde::Serialize;
-use thiserror::Error;
 
-use crate::grasp::metrics::closure::{self, SolverFault};
-use crate::grasp::metrics::hull::{ConvexHull, HullError};
+use crate::grasp::metrics::closure;
+use crate::grasp::metrics::error::check;
+pub use crate::grasp::metrics::error::{QualityError, SolverFault};
+use crate::grasp::metrics::hull::ConvexHull;
 pub use crate::grasp::monitor::gram::{Gram, RANK_TOLERANCE};
-use crate::grasp::monitor::wrench::{ContactError, LoadedContact, contact_radius};
+use crate::grasp::monitor::wrench::{LoadedContact, contact_radius};
 
 /// Edges of a linearised friction cone.
 pub const CONE_EDGES: usize = 8;
-
-/// Why a grasp's quality could not be computed.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum QualityError {
-    #[error(transparent)]
-    Contact(#[from] ContactError),
-    #[error("the {what} is not finite: {value:?}")]
-    NotFinite { what: &'static str, value: Vec<f64> },
-    #[error(
-        "the singular values of the grasp matrix of {contacts} contacts did not converge; are its forces beyond 1e150 N?"
-    )]
-    SingularValues { contacts: usize },
-    #[error("the hull of the contact wrenches: {0}")]
-    Hull(#[from] HullError),
-    #[error(transparent)]
-    Solver(#[from] SolverFault),
-}
 
 /// Quality of a grasp in all measures; the JSON of `mujoco-grasp quality`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -209,20 +192,4 @@ pub fn primitive_wrenches(contacts: &[LoadedContact], com: &Vector3<f64>) -> Res
         }
     }
     Ok(wrenches)
-}
-
-/// Checks every contact and the centre of mass.
-pub(crate) fn check(contacts: &[LoadedContact], com: &Vector3<f64>) -> Result<(), QualityError> {
-    for (index, contact) in contacts.iter().enumerate() {
-        contact.check(index)?;
-    }
-    finite("target's centre of mass", com.as_slice())
-}
-
-/// An error naming `what` unless all values are finite.
-pub(crate) fn finite(what: &'static str, values: &[f64]) -> Result<(), QualityError> {
-    if values.iter().all(|x| x.is_finite()) {
-        return Ok(());
-    }
-    Err(QualityError::NotFinite { what, value: values.to_vec() })
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector6;
 
-use crate::grasp::metrics::hull::D;
+/// Dimensions of a wrench.
+pub(super) const D: usize = 6;
 
 /// Forming more facets than this (a few hundred megabytes) is not worth their memory.
 pub(super) const MAX_FACETS: usize = 2_000_000;

@@ -10,7 +10,7 @@ pub const RANK_TOLERANCE: f64 = 1e-7;
 /// The same for eigenvalues.
 const RANK_FLOOR: f64 = RANK_TOLERANCE * RANK_TOLERANCE;
 
-/// `G G'` of a grasp, G as [`crate::grasp::metrics::quality`] defines it \[N\].
+/// `G G'` of a grasp, G as `metrics::quality` defines it \[N\].
 ///
 /// Its eigenvalues are the squares of G's singular values, so values below [`RANK_TOLERANCE`] of the largest are lost in
 /// rounding and count as 0. Nothing is checked here: a number that is not finite gives Q = 0.

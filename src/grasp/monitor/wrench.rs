@@ -38,19 +38,46 @@ pub struct LoadedContact {
 pub enum ContactError {
     /// A number that is NaN or infinite.
     #[error("contact {contact}: its {field} is not finite; every number of a contact must be")]
-    NotFinite { contact: usize, field: &'static str },
+    NotFinite {
+        /// Its place in the list, from 0.
+        contact: usize,
+        /// Which field.
+        field: &'static str,
+    },
     /// Normal and tangents are not an orthonormal frame.
     #[error("contact {contact}: its normal and tangents are not orthonormal (off by {error:.1e}, at most 1e-6)")]
-    Frame { contact: usize, error: f64 },
+    Frame {
+        /// Its place in the list, from 0.
+        contact: usize,
+        /// How far off.
+        error: f64,
+    },
     /// A contact dimension that MuJoCo does not have.
     #[error("contact {contact}: condim is {condim}; it must be 1, 3, 4 or 6")]
-    Condim { contact: usize, condim: usize },
+    Condim {
+        /// Its place in the list, from 0.
+        contact: usize,
+        /// Its value.
+        condim: usize,
+    },
     /// A normal force that pulls.
     #[error("contact {contact}: its normal force is {force} N; contacts push, so it must be 0 or more")]
-    Pulling { contact: usize, force: f64 },
+    Pulling {
+        /// Its place in the list, from 0.
+        contact: usize,
+        /// Its value \[N\].
+        force: f64,
+    },
     /// A negative friction coefficient.
     #[error("contact {contact}: friction coefficient {index} is {value}; it must be 0 or more")]
-    Friction { contact: usize, index: usize, value: f64 },
+    Friction {
+        /// Its place in the list, from 0.
+        contact: usize,
+        /// Its place, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
 }
 
 impl LoadedContact {
