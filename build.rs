@@ -2,6 +2,9 @@
 //!
 //! Search order: `MUJOCO_DIR` (an upstream release, or an unpacked PyPI wheel's `mujoco` folder), then Debian's
 //! `libmujoco-dev`. Everything that is missing ends in one error that names what to install.
+//!
+//! With `DOCS_RS` set, as docs.rs does, nothing is searched for: the bindings are those of `docs/mujoco-2.2.2.rs`, which
+//! is what this file generates from Debian's package. That is enough for `cargo doc` and `cargo check`.
 
 use std::collections::{BTreeSet, HashSet};
 use std::env;
@@ -9,9 +12,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Header versions (`mjVERSION_HEADER`) that are known to work; others are tried, with a warning.
-const TESTED: &[u32] = &[222, 337, 3_017_000];
+const TESTED: &[u32] = &[222, 337, 3_017_000, 4_000_001];
 
-/// What a version of MuJoCo 3 may or may not have: the flag with which `src/mujoco/compat/v3` asks for it, the name in
+/// A version whose results are wrong, and why.
+const WRONG: (u32, &str) =
+    (4_000_000, "its Newton solver has a wrong Hessian where the matrices are sparse; 4.0.1 is right");
+
+/// The bindings of 2.2.2, for documentation where no MuJoCo is installed.
+const DOCUMENTED: &str = "docs/mujoco-2.2.2.rs";
+
+/// What a version of MuJoCo 3 or later may or may not have: the flag with which `src/mujoco/compat/v3` asks for it, the name in
 /// the headers that tells, and other names without which the code does if need be.
 const FEATURES: &[(&str, &str, &[&str])] = &[
     ("mj_actuator_outputs", "actuator_outadr", &["nactuator", "nout"]),
@@ -38,6 +48,16 @@ fn main() {
     println!("cargo::rerun-if-env-changed=MUJOCO_DIR");
     println!("cargo::rerun-if-env-changed=LIBCLANG_PATH");
     println!("cargo::rerun-if-env-changed=BINDGEN_EXTRA_CLANG_ARGS");
+    println!("cargo::rerun-if-env-changed=DOCS_RS");
+    println!("cargo::rustc-check-cfg=cfg(mujoco3)");
+    for (flag, ..) in FEATURES {
+        println!("cargo::rustc-check-cfg=cfg({flag})");
+    }
+    if env::var_os("DOCS_RS").is_some() {
+        println!("cargo::rerun-if-changed={DOCUMENTED}");
+        let bindings = fs::read_to_string(DOCUMENTED);
+        return write(&bindings.unwrap_or_else(|e| fail(&format!("cannot read {DOCUMENTED}: {e}"))));
+    }
 
     let found = find().unwrap_or_else(|why| fail(&why));
     let headers = found.include.join("mujoco");
@@ -46,6 +66,9 @@ fn main() {
 
     let version = header_version(&headers.join("mujoco.h")).unwrap_or_else(|why| fail(&why));
     let is_3 = version >= 300;
+    if version == WRONG.0 {
+        fail(&format!("the headers in {} are of MuJoCo {}: {}", headers.display(), readable(version), WRONG.1));
+    }
     if !is_3 && version / 10 != 22 {
         fail(&format!(
             "the headers in {} are of MuJoCo {}, with which mujoco-grasp does not work; it is tested with {}. Point \
@@ -58,12 +81,10 @@ fn main() {
     let bindings = generate(&found.include);
     let names: HashSet<&str> = bindings.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
 
-    println!("cargo::rustc-check-cfg=cfg(mujoco3)");
     if is_3 {
         println!("cargo::rustc-cfg=mujoco3");
     }
     for (flag, name, _) in FEATURES {
-        println!("cargo::rustc-check-cfg=cfg({flag})");
         if is_3 && names.contains(name) {
             println!("cargo::rustc-cfg={flag}");
         }
@@ -84,9 +105,14 @@ fn main() {
             tested()
         );
     }
-    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("bindings.rs");
-    fs::write(&out, &bindings).unwrap_or_else(|e| fail(&format!("cannot write {}: {e}", out.display())));
+    write(&bindings);
     link(&found);
+}
+
+/// Where `src/mujoco/ffi.rs` includes them from.
+fn write(bindings: &str) {
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("bindings.rs");
+    fs::write(&out, bindings).unwrap_or_else(|e| fail(&format!("cannot write {}: {e}", out.display())));
 }
 
 /// What the crate's code uses and this version does not have, by name.
@@ -144,7 +170,8 @@ fn find() -> Result<Installation, String> {
     let include = PathBuf::from("/usr/include");
     if !include.join("mujoco/mujoco.h").is_file() {
         return Err("MuJoCo's headers were not found in /usr/include/mujoco: install Debian's package libmujoco-dev \
-             (apt install libmujoco-dev), or set MUJOCO_DIR to an unpacked MuJoCo release"
+             (apt install libmujoco-dev), or set MUJOCO_DIR to an unpacked MuJoCo release (for `cargo doc` alone, set \
+             DOCS_RS=1)"
             .into());
     }
     let folders = [format!("/usr/lib/{}", multiarch()), "/usr/lib64".into(), "/usr/lib".into()];

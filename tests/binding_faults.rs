@@ -187,9 +187,10 @@ fn bad_arguments_are_errors() {
 #[test]
 fn nothing_is_printed_logged_or_waited_for() {
     if std::env::var_os("BINDING_FAULTS_CHILD").is_some() {
-        // What is too small for contacts, for rows and for the stack: of 3.x see binding_arena.
+        // What is too small for contacts, for rows and for the stack: of 3.x see binding_arena. 3.17 needs 17 kB of stack
+        // for this scene; 4.0.1 runs with 12 kB, and is short of contacts, rows or stack with these.
         let small = [balls(3, "nconmax='2'"), balls(3, "njmax='7'"), SMALL_STACK.into()];
-        let small_arena = [balls(3, "memory='6000'"), balls(3, "memory='9000'"), balls(3, "memory='12000'")];
+        let small_arena = [balls(3, "memory='2000'"), balls(3, "memory='6000'"), balls(3, "memory='9000'")];
         for xml in if cfg!(mujoco3) { small_arena } else { small } {
             let simulation = Model::from_xml_string(&xml).and_then(|model| Simulation::new(&model));
             simulation.map_or_else(|error| error, |mut sim| step_until_error(&mut sim));

@@ -29,11 +29,13 @@ const SCENE: &str = r#"<mujoco><option timestep="0.002"><flag energy="enable"/><
 </mujoco>"#;
 
 fn scene() -> Model {
+    scene_with("")
+}
+
+fn scene_with(flag: &str) -> Model {
     let xml =
         SCENE.replace("<motor tendon", "<motor name=\"pull\" tendon").replace("actuator=\"_\"", "actuator=\"pull\"");
-    // a step in stages has no islands
-    let xml = if cfg!(mujoco3) { xml.replace("<flag ", "<flag island=\"disable\" ") } else { xml };
-    Model::from_xml_string(&xml).unwrap()
+    Model::from_xml_string(&xml.replace("<flag ", &format!("<flag {flag} "))).unwrap()
 }
 
 /// Controls that depend on the step number only.
@@ -68,7 +70,8 @@ fn bits(sim: &Simulation) -> Vec<u64> {
 
 #[test]
 fn a_step_in_stages_is_a_step_bit_for_bit() {
-    let model = scene();
+    // a step in stages has no islands
+    let model = scene_with(if cfg!(mujoco3) { "island=\"disable\"" } else { "" });
     for cone in [Cone::Pyramidal, Cone::Elliptic] {
         for solver in [Solver::Newton, Solver::Cg, Solver::Pgs] {
             for storage in [JacobianStorage::Dense, JacobianStorage::Sparse] {
@@ -121,6 +124,15 @@ fn rk4_has_no_stages() {
     assert!(matches!(error, Error::Unsupported(_)) && error.to_string().contains("Rk4"), "{error}");
     assert_eq!(sim.time(), time);
     assert!(sim.set_integrator(Integrator::Other(9)).is_err());
+}
+
+#[test]
+#[cfg(mujoco3)]
+fn islands_have_no_stages() {
+    let mut sim = Simulation::new(&scene()).unwrap();
+    sim.step().unwrap();
+    let error = sim.step_in_stages().unwrap_err();
+    assert!(matches!(error, Error::Unsupported(_)) && error.to_string().contains("islands"), "{error}");
 }
 
 #[test]

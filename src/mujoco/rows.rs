@@ -55,6 +55,7 @@ impl Simulation {
         }
         let rows = ne - count..ne;
         let data = self.data_mut();
+        compat::forget_islands(data);
         data.ne -= count as i32;
         data.nf += count as i32;
         for row in rows.clone() {
@@ -70,7 +71,7 @@ impl Simulation {
 
     /// Sets the largest force of a friction row, in the row's unit; zero or more.
     pub fn set_row_friction_limit(&mut self, row: usize, limit: f64) -> Result<(), Error> {
-        self.check_row(row)?;
+        self.edit_row(row)?;
         let friction = self.ne()..self.ne() + self.nf();
         if !friction.contains(&row) {
             return Err(Error::Unsupported(format!(
@@ -86,7 +87,7 @@ impl Simulation {
     /// Sets the position error of a row (in the row's unit), from which the reference acceleration is computed in the
     /// velocity stage: aref = -B J qvel - K I (pos - margin).
     pub fn set_row_position(&mut self, row: usize, position: f64) -> Result<(), Error> {
-        self.check_row(row)?;
+        self.edit_row(row)?;
         check_value("the position error", position, "finite", |_| true)?;
         // SAFETY: `row < nefc`.
         unsafe { *self.data_mut().efc_pos.add(row) = position };
@@ -95,7 +96,7 @@ impl Simulation {
 
     /// Sets stiffness K, damping B, impedance I and its derivative P of a row.
     pub fn set_row_kbip(&mut self, row: usize, kbip: [f64; 4]) -> Result<(), Error> {
-        self.check_row(row)?;
+        self.edit_row(row)?;
         for value in kbip {
             check_value("a row's stiffness, damping or impedance", value, "finite", |_| true)?;
         }
@@ -107,7 +108,7 @@ impl Simulation {
     /// Sets the regularization R of a row, and D = 1/R with it; more than zero. Not for a contact's rows, whose ratios
     /// the engine relies on.
     pub fn set_row_regularization(&mut self, row: usize, r: f64) -> Result<(), Error> {
-        self.check_row(row)?;
+        self.edit_row(row)?;
         check_value("the regularization", r, "finite and more than zero", |r| r > 0.0 && (1.0 / r).is_finite())?;
         let data = self.data_mut();
         // SAFETY: `row < nefc`.
@@ -123,7 +124,7 @@ impl Simulation {
 
     /// Sets the reference acceleration of a row; to be called after the velocity stage, which computes it.
     pub fn set_row_reference(&mut self, row: usize, aref: f64) -> Result<(), Error> {
-        self.check_row(row)?;
+        self.edit_row(row)?;
         check_value("the reference acceleration", aref, "finite", |_| true)?;
         // SAFETY: `row < nefc`.
         unsafe { *self.data_mut().efc_aref.add(row) = aref };
@@ -152,7 +153,7 @@ impl Simulation {
     /// Replaces the Jacobian of a row by `jacobian` (nv, dense). With sparse storage the non-zeros must be among the
     /// row's own columns (for a weld: all degrees of freedom that move either body).
     pub fn set_row_jacobian(&mut self, row: usize, jacobian: &[f64]) -> Result<(), Error> {
-        self.check_row(row)?;
+        self.edit_row(row)?;
         let nv = self.model().nv();
         check_length("the row's Jacobian", nv, jacobian.len())?;
         if let Some(&bad) = jacobian.iter().find(|value| !value.is_finite()) {
@@ -195,6 +196,13 @@ impl Simulation {
             let (start, count) = (*data.efc_J_rowadr.add(row) as usize, *data.efc_J_rownnz.add(row) as usize);
             (slice(data.efc_J.add(start), count), slice(data.efc_J_colind.add(start), count))
         }
+    }
+
+    /// Before a row is changed: the engine's islands hold copies of rows, so the next solve goes without islands.
+    fn edit_row(&mut self, row: usize) -> Result<(), Error> {
+        self.check_row(row)?;
+        compat::forget_islands(self.data_mut());
+        Ok(())
     }
 
     fn check_row(&self, row: usize) -> Result<(), Error> {

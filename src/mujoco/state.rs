@@ -6,7 +6,8 @@ use super::error::{Error, check_length, check_value};
 use super::simulation::Simulation;
 
 /// Everything that the next steps depend on, apart from parameters of the model: a replay from it is the same bit for
-/// bit. Numbers are in the engine's order.
+/// bit. Numbers are in the engine's order. What sleeps (MuJoCo 3, where the model lets it) is not part of it, so that a
+/// replay may then wake or put to sleep something at another step.
 ///
 /// It can be written with any serde format that keeps all bits of an `f64` (for JSON, with serde_json's feature
 /// `float_roundtrip`). Grasps have a state of their own: see [`Snapshot`](crate::grasp::Snapshot).

@@ -263,6 +263,9 @@ pub(in crate::mujoco) unsafe fn actuator_moment(
 
 // ---------------------------------------------------------------------------------------------------- contacts and rows
 
+/// Drops the islands of the rows: here there are none.
+pub(in crate::mujoco) fn forget_islands(_d: &mut ffi::mjData) {}
+
 /// mjContact.exclude: 0 included, 1 in gap, 2 fused, 3 equality, 4 no degrees of freedom. A contact is made into rows
 /// only at 0.
 pub(in crate::mujoco) const EXCLUDED_BY_US: i32 = 3;

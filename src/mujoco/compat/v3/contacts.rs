@@ -20,6 +20,11 @@ pub(in crate::mujoco) fn forget_rows(d: &mut ffi::mjData) {
     }
 }
 
+/// Drops the islands of the rows, with which the solver has copies of them: it then solves all rows at once.
+pub(in crate::mujoco) fn forget_islands(d: &mut ffi::mjData) {
+    (d.nisland, d.nidof) = (0, 0);
+}
+
 /// mjContact.exclude: 0 included, 1 in gap, 2 fused, 3 no degrees of freedom, 4 passive. A contact is made into rows only
 /// at 0.
 pub(in crate::mujoco) const EXCLUDED_BY_US: i32 = 3;

@@ -1,4 +1,4 @@
-//! MuJoCo 3: 3.17.0, and older ones as far as the identifiers of their headers tell what they have.
+//! MuJoCo 3 and 4: 3.17.0, 4.0.1, and older ones as far as the identifiers of their headers tell what they have.
 //!
 //! What is different for this crate, besides names:
 //! - Islands and sleeping are the model's own affair; a step in stages has neither (their stages are not published).
