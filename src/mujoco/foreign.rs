@@ -5,7 +5,7 @@
 //! exceptions and leaves Rust's alone. It goes back to the frame by itself, without help of the unwinder, because MuJoCo's
 //! wheels bring an unwinder of their own, whose state ours cannot read.
 //!
-//! Elsewhere than on x86-64 Linux such an exception still ends the process.
+//! What the compiler had allocated until then is lost. Elsewhere than on x86-64 Linux such an exception still ends the process.
 
 use std::ffi::c_void;
 

@@ -182,7 +182,7 @@ impl Element {
         if made <= most || made.is_nan() {
             return Ok(());
         }
-        Err(format!("{attribute} ask for {made} {of}: at most {most} can be compiled"))
+        Err(format!("{attribute}: {made} {of} are asked for; at most {most} can be compiled"))
     }
 
     /// The corners of faces must be among the vertices that stand beside them.
