@@ -3,6 +3,7 @@
 
 mod cli_common;
 
+use cli_common::reference::{collect, named, section};
 use cli_common::{Called, call_in, data};
 use mujoco_grasp::scenario::agree::{Ground, Onset, Trial};
 use mujoco_grasp::scenario::checkpoint::Checkpoint;
@@ -43,10 +44,21 @@ fn random_pushes_on_the_claw() {
     let folder = tempfile::tempdir().unwrap();
     let json = agree(folder.path(), &["--seed", "3", "--json"]).json();
     the_fields_of_the_reference(&json);
+    all_is_on_the_reference_page(&json, &folder.path().join("out/claw"));
     tables_and_pictures(&folder.path().join("out/claw"), &json);
     an_onset_is_where_holding_ends(&json);
 
     on_one_thread_and_fewer(&folder.path().join("out/claw/agree-trials.csv"), &json);
+}
+
+fn all_is_on_the_reference_page(json: &Value, out: &Path) {
+    let mut names = BTreeSet::new();
+    collect(json, &mut names);
+    named(&section("### agree"), names);
+    for file in ["agree-onsets.csv", "agree-trials.csv"] {
+        let text = std::fs::read_to_string(out.join(file)).unwrap();
+        named(&section("## Files"), text.lines().next().unwrap().split(',').map(str::to_owned));
+    }
 }
 
 /// Trials are the same on one thread, and fewer are the first of more.
@@ -217,6 +229,7 @@ fn a_simulation_that_fails_counts_with_its_cause_and_harms_no_other() {
     assert_eq!((&tally["trials"], &tally["same_outcome"], &tally["failed"]), (&2.into(), &1.into(), &1.into()));
     assert_eq!(tally["held"]["count"], 1);
     let d = &tally["disagreements"][0];
+    named(&section("### agree"), d.as_object().unwrap().keys().cloned());
     assert!(d["full"].is_null() && d["grasp"].is_null() && d["error"].as_str().unwrap().contains("diverged"), "{d}");
 }
 

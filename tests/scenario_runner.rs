@@ -281,13 +281,17 @@ fn a_scenario_runs_with_any_limits() {
 #[test]
 fn friction_that_is_no_number_while_latched_is_an_error_that_says_where() {
     let plan = load("claw.toml");
-    for parameter in 0..3 {
-        let mut runner = Runner::new(&plan, Mode::Grasp, None).unwrap();
-        runner.advance_to(2.5).unwrap();
-        assert_eq!(runner.grasp().phase(), Phase::Grasped);
-        let object = runner.sim().model().geom("object").unwrap().index();
-        runner.sim_mut().geom_friction_mut()[3 * object + parameter] = f64::NAN;
-        let result = (0..500).try_for_each(|_| runner.step().map(drop));
-        println!("{parameter}: {result:?} {:?}", runner.grasp().phase());
+    for mode in [Mode::Full, Mode::Grasp] {
+        for parameter in 0..3 {
+            let mut runner = Runner::new(&plan, mode, None).unwrap();
+            runner.advance_to(2.5).unwrap();
+            assert_eq!(runner.grasp().phase() == Phase::Grasped, mode == Mode::Grasp);
+            let object = runner.sim().model().geom("object").unwrap().index();
+            runner.sim_mut().geom_friction_mut()[3 * object + parameter] = f64::NAN;
+            let error = runner.step().unwrap_err().to_string();
+            for part in [mode.name(), "2.500", "friction", "geom \"object\"", "finite"] {
+                assert!(error.contains(part), "{part:?} is not in: {error}");
+            }
+        }
     }
 }

@@ -236,7 +236,7 @@ impl Grasp {
     }
 
     fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {
-        self.set.read(sim.contacts(), sim, &self.topology);
+        self.set.read(sim.contacts(), sim, &self.topology)?;
         self.set.read_forces(sim)?;
         self.measure(sim);
         Ok(())

@@ -133,6 +133,18 @@ pub enum Error {
     /// A saved state that no grasp can have been in.
     #[error("the saved state is damaged: its {0} cannot be that of any grasp (ids within the model, finite numbers)")]
     BadState(&'static str),
+    /// A contact with parameters that are no numbers.
+    #[error(
+        "the {what} of the contact between {} and {} is not finite at t = {time:.4} s: give both geoms (or their pair) finite numbers", geoms[0], geoms[1]
+    )]
+    BadContact {
+        /// Simulated time \[s\].
+        time: f64,
+        /// Which parameter.
+        what: &'static str,
+        /// Labels of the two geoms.
+        geoms: [String; 2],
+    },
     /// The grasp solve met numbers that are not finite.
     #[error(
         "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"

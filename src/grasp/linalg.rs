@@ -1,5 +1,10 @@
 //! Small dense kernels on slices (row-major): sizes are known only at run time and too small for a library's blocking.
 
+use nalgebra::Vector6;
+
+/// Rotation, then translation; or torque, then force.
+pub type Spatial = Vector6<f64>;
+
 /// `sum x_i y_i`, in four strands so that the additions do not wait for each other.
 #[inline(always)]
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {

@@ -1,5 +1,7 @@
 //! Runs the program as a user does.
 
+pub mod reference;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

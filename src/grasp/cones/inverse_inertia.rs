@@ -8,11 +8,9 @@
 //! `cdof`, `crb` and `cvel`.
 
 use crate::grasp::hand::topology::Topology;
+pub use crate::grasp::linalg::Spatial;
 use crate::mujoco::MassFactor;
-use nalgebra::{Matrix6, Vector3, Vector6};
-
-/// Rotation, then translation; or torque, then force.
-pub type Spatial = Vector6<f64>;
+use nalgebra::{Matrix6, Vector3};
 
 /// Largest negative or zero pivot, relative to the largest diagonal, that counts as a direction without inverse_inertia.
 const RANK_TOLERANCE: f64 = 1e-12;

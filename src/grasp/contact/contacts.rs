@@ -1,11 +1,12 @@
 //! The contacts between hand and target, read from the engine's collision stage.
 
-use crate::grasp::cones::inverse_inertia::Spatial;
 use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::ContactParameters;
+use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
+use crate::grasp::linalg::Spatial;
 use crate::grasp::monitor::wrench::LoadedContact;
-use crate::mujoco::{BodyId, Contact, Simulation};
+use crate::mujoco::{BodyId, Contact, GeomId, Simulation};
 use nalgebra::Vector3;
 
 /// One contact between a link of the hand and the target, with the force that it exerts.
@@ -186,6 +187,26 @@ impl GraspContact {
         }
     }
 
+    /// Refuses parameters that are no numbers. The geoms' own friction is looked at too: the larger of two passes over NaN.
+    fn check_numbers(&self, sim: &Simulation) -> Result<(), Error> {
+        let (p, model) = (&self.parameters, sim.model());
+        let (a, b) = self.geoms;
+        let own = |geom: usize| &model.geom_friction()[3 * geom..3 * geom + 3];
+        let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+        let checks: [(&'static str, bool); 3] = [
+            ("friction", finite(&p.friction) && finite(own(a)) && finite(own(b))),
+            ("solref or solimp", finite(&p.solref) && finite(&p.solimp)),
+            ("distance or margin", finite(&[p.dist, p.margin])),
+        ];
+        match checks.iter().find(|(_, finite)| !finite) {
+            None => Ok(()),
+            Some(&(what, _)) => {
+                let geoms = [a, b].map(|geom| model.label(GeomId::from_index(geom)));
+                Err(Error::BadContact { time: sim.time(), what, geoms })
+            }
+        }
+    }
+
     fn read(contact: &Contact, index: usize, sim: &Simulation, topology: &Topology) -> Option<GraspContact> {
         let (b1, b2) = (contact.bodies[0].index(), contact.bodies[1].index());
         let (link_id, target, sign) = if topology.in_hand(b1) && topology.in_target(b2) {
@@ -241,7 +262,15 @@ pub struct ContactSet {
 impl ContactSet {
     /// Reads the contacts between hand and target: the engine's of this step, or others in its order. Those that the
     /// engine keeps out of its solve because they lie within the gap are left out.
-    pub fn read(&mut self, detected: impl Iterator<Item = Contact>, sim: &Simulation, topology: &Topology) {
+    ///
+    /// # Errors
+    /// [`Error::BadContact`].
+    pub fn read(
+        &mut self,
+        detected: impl Iterator<Item = Contact>,
+        sim: &Simulation,
+        topology: &Topology,
+    ) -> Result<(), Error> {
         if !std::mem::take(&mut self.restored) {
             self.before.clear();
             self.before.extend(self.now.iter().map(SavedContact::of));
@@ -252,10 +281,12 @@ impl ContactSet {
                 continue;
             }
             if let Some(mut contact) = GraspContact::read(&contact, index, sim, topology) {
+                contact.check_numbers(sim)?;
                 contact.warm_start = self.remembered(&contact);
                 self.now.push(contact);
             }
         }
+        Ok(())
     }
 
     /// The nearest contact of the same two geoms in the last step.

@@ -22,14 +22,14 @@ impl Grasp {
             for contact in self.detector.found() {
                 sim.append_contact(contact)?;
             }
-            self.set.read(self.detector.found().iter().cloned(), sim, &self.topology);
+            self.set.read(self.detector.found().iter().cloned(), sim, &self.topology)?;
         }
         Ok(alone)
     }
 
     /// Takes the contacts out of the engine's solve, between collision and constraint making.
     pub(in crate::grasp) fn take_contacts(&mut self, sim: &mut Simulation) -> Result<(), Error> {
-        self.set.read(sim.contacts(), sim, &self.topology);
+        self.set.read(sim.contacts(), sim, &self.topology)?;
         for contact in self.set.contacts() {
             sim.exclude_contact(contact.index)?;
         }
