@@ -112,7 +112,6 @@ impl Grasp {
         for link in &links {
             is_link[link.index()] = true;
         }
-        let detector = Detector::new(sim, &topology)?;
         let identity = Identity::new(model, spec, (palm, &links), [latch_quality, release_quality]);
         Ok(Grasp {
             identity,
@@ -132,7 +131,7 @@ impl Grasp {
             neighbours: Neighbours::default(),
             status: SolveStatus::default(),
             topology,
-            detector,
+            detector: Detector::default(),
             live: Vec::new(),
             force: GraspForce::default(),
         })

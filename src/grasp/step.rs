@@ -117,11 +117,7 @@ fn may_be_complete(grasps: &[Grasp]) -> bool {
 
 /// Collision detection; the contacts of latched grasps do not go on to the engine's solve.
 fn detect(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<(), Error> {
-    let mut latched = grasps.iter_mut().filter(|g| g.phase() == Phase::Grasped);
-    let (first, second) = (latched.next(), latched.next());
-    if let (Some(only), None) = (first, second)
-        && only.detect_alone(sim)?
-    {
+    if Grasp::detect_alone(sim, grasps)? {
         return Ok(());
     }
     sim.collision()?;

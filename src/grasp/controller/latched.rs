@@ -15,17 +15,21 @@ use nalgebra::Vector6;
 use std::ops::Range;
 
 impl Grasp {
-    /// Finds the contacts in the place of the engine's collision stage; false if the engine has to look itself, because
-    /// something else might touch something.
-    pub(in crate::grasp) fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
-        let alone = self.detector.replaces_collision(sim)?;
-        if alone {
-            for contact in self.detector.found() {
-                sim.append_contact(contact);
+    /// Finds the contacts of all latched grasps in the place of the engine's collision stage; false if the engine has to
+    /// look itself, because something else might touch something.
+    pub(in crate::grasp) fn detect_alone(sim: &mut Simulation, grasps: &mut [Grasp]) -> Result<bool, Error> {
+        let is_latched = |grasp: &Grasp| grasp.phase() == Phase::Grasped;
+        let Some(first) = grasps.iter().position(is_latched) else { return Ok(false) };
+        let mut detector = std::mem::take(&mut grasps[first].detector);
+        let latched = grasps.iter().filter(|grasp| is_latched(grasp));
+        let alone = detector.replaces_collision(sim, latched.map(|grasp| &grasp.topology));
+        if matches!(alone, Ok(true)) {
+            for grasp in grasps.iter_mut().filter(|grasp| is_latched(grasp)) {
+                grasp.set.read(detector.found().iter().cloned(), sim, &grasp.topology);
             }
-            self.set.read(self.detector.found().iter().cloned(), sim, &self.topology);
         }
-        Ok(alone)
+        grasps[first].detector = detector;
+        alone
     }
 
     /// Takes the contacts out of the engine's solve, between collision and constraint making.
