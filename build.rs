@@ -24,12 +24,14 @@ const DOCUMENTED: &str = "docs/mujoco-2.2.2.rs";
 /// What a version of MuJoCo 3 or later may or may not have: the flag with which `src/mujoco/compat/v3` asks for it, the name in
 /// the headers that tells, and other names without which the code does if need be.
 const FEATURES: &[(&str, &str, &[&str])] = &[
+    ("mj_adhesion", "geom_adhesion", &["pair_adhesion"]),
     ("mj_actuator_outputs", "actuator_outadr", &["nactuator", "nout"]),
     ("mj_delays", "nhistory", &[]),
     ("mj_efc_diag_a", "efc_diagA", &["efc_diagApprox"]),
     ("mj_factored_rows", "efc_Y", &["nY"]),
     ("mj_lazy_flags", "flg_rnepost", &["flg_energypos"]),
     ("mj_log_handler", "mjLogMessage", &["mjLOG_ERROR", "mjLOG_WARNING"]),
+    ("mj_narrow_phase", "mjPreContact", &[]),
     ("mj_sleep", "mjENBL_SLEEP", &[]),
     ("mj_sparse_tendons", "nJten", &[]),
     ("mj_warn_vgeomfull", "mjWARN_VGEOMFULL", &[]),

@@ -2,7 +2,7 @@
 //! not do with it is one, too.
 #![cfg(mujoco3)]
 
-use mujoco_grasp::mujoco::{Buffer, Error, Model, PairCollider, Simulation};
+use mujoco_grasp::mujoco::{Buffer, Error, Model, Simulation};
 
 /// One body of many balls on a plane: contacts take more memory than anything else.
 fn brush(memory: usize) -> Result<Simulation, Error> {
@@ -65,13 +65,6 @@ fn what_the_crate_does_not_handle_is_refused_by_name() {
     let flex = "<mujoco><worldbody><flexcomp name='f' type='grid' count='3 3 1' spacing='.1 .1 .1' dim='2'/></worldbody></mujoco>";
     let text = Model::from_xml_string(flex).unwrap_err().to_string();
     assert!(text.contains("flexible bodies"), "{text}");
-}
-
-#[test]
-fn the_narrow_phase_alone_is_refused() {
-    let sim = boxes(2_000_000).unwrap();
-    assert!(!PairCollider::supported());
-    assert!(matches!(PairCollider::new(&sim, &[], &[]), Err(Error::Unsupported(_))));
 }
 
 /// Contacts and rows give their memory back however often they are made within a step.

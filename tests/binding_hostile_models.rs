@@ -95,6 +95,7 @@ fn what_is_included_or_escaped_is_looked_at_too() {
 
 /// What 2.2.2 asks for the number of processors: many, so that its compiler would use threads on any machine.
 #[cfg(not(mujoco3))]
+#[allow(unsafe_code)] // a name that the loader looks up, and nothing else
 #[unsafe(no_mangle)]
 pub extern "C" fn get_nprocs() -> i32 {
     8

@@ -10,7 +10,6 @@ use super::contact::softness::SolverOptions;
 use super::error::Error;
 use super::hand::search::find_hand;
 use super::hand::topology::{Topology, Tree, is_ancestor};
-use super::monitor::detector::Detector;
 use super::monitor::gram::Gram;
 use super::monitor::phase::{Phase, PhaseMachine};
 use super::monitor::wrench::LoadedContact;
@@ -34,7 +33,6 @@ pub struct Grasp {
     release_quality: f64,
     machine: PhaseMachine,
     topology: Topology,
-    detector: Detector,
     set: ContactSet,
     gram: Gram,
     solver: GraspSolver,
@@ -106,7 +104,6 @@ impl Grasp {
         for link in &links {
             is_link[link.index()] = true;
         }
-        let detector = Detector::new(sim, &topology)?;
         let identity = Identity::new(model, spec, (palm, &links), [latch_quality, release_quality]);
         Ok(Grasp {
             identity,
@@ -125,7 +122,6 @@ impl Grasp {
             coupled: CoupledConstraints::default(),
             status: SolveStatus::default(),
             topology,
-            detector,
             live: Vec::new(),
         })
     }

@@ -3,6 +3,7 @@
 use super::controller::Grasp;
 use super::error::Error;
 use super::force::GraspForce;
+use super::monitor::detector::Detector;
 use super::settings::Settings;
 use super::spec::GraspSpec;
 use super::state::{GraspsState, Structure};
@@ -19,6 +20,7 @@ pub struct Grasps {
     /// Of the model; `None` before the first grasp.
     model: Option<(u64, Structure)>,
     pub(super) force: GraspForce,
+    pub(super) detector: Detector,
     /// The user's solver settings, while a merged grasp has others.
     pub(super) settings: Option<Settings>,
 }

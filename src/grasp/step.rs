@@ -57,10 +57,7 @@ impl Hooks for Grasps {
 
     /// Collision detection; the contacts of latched grasps do not go on to the engine's solve.
     fn collision(&mut self, sim: &mut Simulation) -> Result<(), Error> {
-        let mut latched = self.list.iter_mut().filter(|g| g.phase() == Phase::Grasped);
-        if let (Some(only), None) = (latched.next(), latched.next())
-            && only.detect_alone(sim)?
-        {
+        if self.detect_alone(sim)? {
             return Ok(());
         }
         sim.collision()?;
@@ -138,6 +135,19 @@ impl Hooks for Grasps {
 impl Grasps {
     fn latched(&self) -> impl Iterator<Item = &Grasp> {
         self.list.iter().filter(|g| g.phase() == Phase::Grasped)
+    }
+
+    /// Finds the contacts of all latched grasps in the place of the engine's collision stage; false if the engine has to look
+    /// itself, because something else might touch something.
+    fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+        let latched = self.list.iter().filter(|g| g.phase() == Phase::Grasped);
+        let alone = self.detector.replaces_collision(sim, latched.map(Grasp::topology))?;
+        if alone {
+            for grasp in self.list.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
+                grasp.read_found(sim, self.detector.found())?;
+            }
+        }
+        Ok(alone)
     }
 
     /// Whether the grasps may leave the engine's solver nothing to do.

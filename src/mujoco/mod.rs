@@ -9,11 +9,9 @@
 mod arrays;
 #[cfg(feature = "render")]
 mod arrow;
-mod broad;
 #[cfg(feature = "render")]
 mod camera;
-mod clearance;
-mod collider;
+mod collision;
 mod compat;
 mod compiled;
 mod contact;
@@ -28,21 +26,14 @@ mod ids;
 mod isolation;
 mod jacobian;
 mod kinds;
-mod ledger;
-mod mixing;
 mod model;
 mod model_arrays;
 mod options;
-mod pairs;
-mod placement;
 mod poses;
-mod proximity;
 #[cfg(feature = "render")]
 mod render;
 pub mod rows;
 mod scan;
-mod separation;
-mod shape;
 mod shown;
 mod simulation;
 pub mod stages;
@@ -54,8 +45,7 @@ mod warnings;
 pub use arrow::Arrow;
 #[cfg(feature = "render")]
 pub use camera::Camera;
-pub use clearance::Clearance;
-pub use collider::PairCollider;
+pub use collision::{Clearance, PairCollider};
 pub use compat::MassFactor;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};

@@ -6,25 +6,23 @@ use crate::grasp::cones::solve::SolveStatus;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::softness::SolverOptions;
 use crate::grasp::error::Error;
+use crate::grasp::hand::topology::Topology;
 use crate::grasp::monitor::phase::Phase;
 use crate::grasp::spec::Limits;
 use crate::grasp::weld::bounds::Bounds;
-use crate::mujoco::{Cone, EqualityId, Simulation};
+use crate::mujoco::{Cone, Contact, EqualityId, Simulation};
 use nalgebra::Vector6;
 use std::ops::Range;
 
 impl Grasp {
-    /// Finds the contacts in the place of the engine's collision stage; false if the engine has to look itself, because
-    /// something else might touch something.
-    pub(in crate::grasp) fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
-        let alone = self.detector.replaces_collision(sim)?;
-        if alone {
-            for contact in self.detector.found() {
-                sim.append_contact(contact)?;
-            }
-            self.set.read(self.detector.found().iter().cloned(), sim, &self.topology)?;
-        }
-        Ok(alone)
+    /// Hand and target.
+    pub(in crate::grasp) fn topology(&self) -> &Topology {
+        &self.topology
+    }
+
+    /// Reads contacts that were found without the engine's collision stage, those of other grasps among them.
+    pub(in crate::grasp) fn read_found(&mut self, sim: &Simulation, found: &[Contact]) -> Result<(), Error> {
+        self.set.read(found.iter().cloned(), sim, &self.topology)
     }
 
     /// Takes the contacts out of the engine's solve, between collision and constraint making.

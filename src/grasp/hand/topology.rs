@@ -19,7 +19,7 @@ pub struct Tree<'a> {
 }
 
 /// Hand and target as the solver sees them. Computed once for a grasp.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Topology {
     palm: usize,
     target: usize,

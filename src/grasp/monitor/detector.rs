@@ -1,45 +1,59 @@
-//! Finding the contacts of a latched grasp.
+//! Finding the contacts of the latched grasps.
 //!
-//! The engine's collision stage looks at every pair of bodies. While a grasp is latched, the contacts between hand and
-//! target are found directly by the engine's own narrow phase, and its whole collision stage is left out of a step for
+//! The engine's collision stage looks at every pair of bodies. While grasps are latched, the contacts between their hands
+//! and targets are found directly by the engine's own narrow phase, and its whole collision stage is left out of a step for
 //! which nothing else can touch anything.
 //!
 //! When that is depends on how long ago distances were measured, so it is no part of a saved grasp. It may not be seen in
-//! the result either: where the engine's stage could find other contacts of the grasp than the narrow phase alone (its
+//! the result either: where the engine's stage could find other contacts of the grasps than the narrow phase alone (its
 //! broad phase is rough), the stage is not left out.
 
 use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
-use crate::mujoco::{Clearance, Contact, GeomId, PairCollider, Simulation};
+use crate::mujoco::{self, Clearance, Contact, GeomId, PairCollider, Simulation};
 
-/// Collision detection for one grasp.
-#[derive(Debug, Clone)]
+/// Collision detection for the grasps that are latched together.
+#[derive(Debug, Clone, Default)]
 pub(in crate::grasp) struct Detector {
-    /// Not in all versions of the engine.
+    /// Hands and targets that `direct` was made for.
+    grasps: Vec<Topology>,
+    /// Not in all versions of the engine, nor for all kinds of contacts.
     direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
 }
 
 impl Detector {
-    /// For all geoms of hand and target.
-    pub(in crate::grasp) fn new(sim: &Simulation, topology: &Topology) -> Result<Self, Error> {
-        if !PairCollider::supported() {
-            return Ok(Detector { direct: None, found: Vec::new() });
-        }
+    /// For all geoms of hands and targets.
+    fn new<'a>(sim: &Simulation, grasps: impl Iterator<Item = &'a Topology>) -> Result<Self, Error> {
+        let grasps: Vec<Topology> = grasps.cloned().collect();
+        let bodies = sim.model().geom_bodyid();
         let geoms = |belongs: &dyn Fn(usize) -> bool| -> Vec<GeomId> {
-            let bodies = sim.model().geom_bodyid();
             (0..bodies.len()).filter(|&g| belongs(bodies[g] as usize)).map(GeomId::from_index).collect()
         };
-        let hand = geoms(&|body| topology.in_hand(body));
-        let target = geoms(&|body| topology.in_target(body));
-        let collider = PairCollider::new(sim, &hand, &target)?;
-        let clearance = Clearance::new(sim, &collider);
-        Ok(Detector { direct: Some((collider, clearance)), found: Vec::new() })
+        let sets: Vec<_> =
+            grasps.iter().map(|of| [geoms(&|body| of.in_hand(body)), geoms(&|body| of.in_target(body))]).collect();
+        let sets: Vec<_> = sets.iter().map(|[hand, target]| [hand.as_slice(), target.as_slice()]).collect();
+        let direct = match PairCollider::of_sets(sim, &sets) {
+            Ok(collider) => {
+                let clearance = Clearance::new(sim, &collider);
+                Some((collider, clearance))
+            }
+            Err(mujoco::Error::Unsupported(_)) => None,
+            Err(other) => return Err(other.into()),
+        };
+        Ok(Detector { grasps, direct, found: Vec::new() })
     }
 
-    /// Takes the place of the engine's collision stage if nothing but hand and target can touch; false, with nothing
-    /// done, if something else might, or if the stage might find other contacts.
-    pub(in crate::grasp) fn replaces_collision(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+    /// Takes the place of the engine's collision stage if nothing can touch but the hands and targets of `grasps`, each
+    /// with its own; false, with nothing done, if something else might, or if the stage might find other contacts.
+    pub(in crate::grasp) fn replaces_collision<'a>(
+        &mut self,
+        sim: &mut Simulation,
+        grasps: impl Iterator<Item = &'a Topology> + Clone,
+    ) -> Result<bool, Error> {
+        if !grasps.clone().eq(&self.grasps) {
+            *self = Self::new(sim, grasps)?;
+        }
         let Some((collider, clearance)) = &mut self.direct else {
             return Ok(false);
         };
@@ -50,12 +64,90 @@ impl Detector {
         let alike = collider.is_certain(sim, &self.found);
         if alike {
             sim.skip_collision();
+            for contact in &self.found {
+                sim.append_contact(contact)?;
+            }
         }
         Ok(alike)
     }
 
-    /// The contacts between hand and target, in the engine's order.
+    /// The contacts between hands and targets, in the engine's order.
     pub(in crate::grasp) fn found(&self) -> &[Contact] {
         &self.found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasp::hand::topology::Tree;
+    use crate::mujoco::Model;
+
+    /// Two fingers that touch a ball each, and a third ball elsewhere.
+    fn scene() -> (Simulation, [Topology; 2]) {
+        let hand = |name: &str, x: f64| {
+            format!(
+                r#"<body name="palm_{name}" pos="{x} 0 0"><joint type="slide"/><geom size=".02"/>
+                <body name="tip_{name}" pos=".1 0 0"><joint axis="0 1 0"/><geom type="capsule" size=".02 .03"/></body></body>
+                <body name="ball_{name}" pos="{} 0 0"><freejoint/><geom size=".03"/></body>"#,
+                x + 0.149
+            )
+        };
+        let xml = format!(
+            r#"<mujoco><worldbody>{}{}<body name="other" pos="0 3 0"><freejoint/><geom size=".03"/></body></worldbody></mujoco>"#,
+            hand("a", 0.0),
+            hand("b", 2.0)
+        );
+        let sim = Simulation::new(&Model::from_xml_string(&xml).unwrap()).unwrap();
+        let model = sim.model();
+        let tree = Tree {
+            body_parent: model.body_parentid(),
+            body_dofadr: model.body_dofadr(),
+            body_dofnum: model.body_dofnum(),
+            dof_parent: model.dof_parentid(),
+            dof_body: model.dof_bodyid(),
+        };
+        let body = |part: &str, of: &str| model.body(&format!("{part}_{of}")).unwrap().index();
+        let topologies =
+            ["a", "b"].map(|of| Topology::new(&tree, body("palm", of), &[body("tip", of)], body("ball", of)));
+        (sim, topologies)
+    }
+
+    /// Whether the stage is replaced within the calls for which the answer may stay "no"; if so, by what it finds.
+    fn replaced(detector: &mut Detector, sim: &mut Simulation, grasps: &[Topology]) -> bool {
+        sim.kinematics().unwrap();
+        let replaced = (0..30).any(|_| detector.replaces_collision(sim, grasps.iter()).unwrap());
+        if replaced {
+            let found: Vec<Contact> = sim.contacts().map(|contact| Contact { excluded: false, ..contact }).collect();
+            sim.collision().unwrap();
+            assert_eq!(found, sim.contacts().collect::<Vec<_>>());
+            assert_eq!(found, detector.found());
+        }
+        replaced
+    }
+
+    #[test]
+    fn several_grasps_replace_the_stage_and_whatever_else_touches_brings_it_back() {
+        let (mut sim, both) = scene();
+        let mut detector = Detector::default();
+        let supported = PairCollider::supported();
+        assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
+        assert_eq!(detector.found().len(), if supported { 2 } else { 0 });
+        // The contact of a hand that has not latched is the engine's.
+        assert!(!replaced(&mut detector, &mut sim, &both[..1]));
+        assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
+        // A body that is put somewhere else is noticed at once, and when it has gone again.
+        let other = sim.model().nq() - 7;
+        sim.qpos_mut()[other..other + 3].copy_from_slice(&[2.149, 0.059, 0.0]);
+        assert!(!replaced(&mut detector, &mut sim, &both));
+        sim.qpos_mut()[other + 1] = 1.0;
+        assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
+        // One hand in the other's way.
+        let ball = sim.model().nq() - 14;
+        let back = sim.qpos()[ball..ball + 3].to_vec();
+        sim.qpos_mut()[ball..ball + 3].copy_from_slice(&[0.1, 0.049, 0.0]);
+        assert!(!replaced(&mut detector, &mut sim, &both));
+        sim.qpos_mut()[ball..ball + 3].copy_from_slice(&back);
+        assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
     }
 }

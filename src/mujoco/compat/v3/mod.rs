@@ -4,14 +4,16 @@
 //! - Islands and sleeping are the model's own affair; a step in stages has neither (their stages are not published).
 //! - Models with flexes, with actuators of several controls or forces, and with delays or stateful plugins are refused.
 //! - Contacts and rows live in the arena, without sizes of their own.
-//! - The engine's collision stage always runs: its narrow phase cannot be called alone as in 2.2.2.
+//! - Before 3.9 the engine's collision stage always runs: its narrow phase is not called alone.
 //!
 //! The flags `mj_*` say what a version has; `build.rs` sets them from the names that the headers declare.
 
+mod collision;
 mod contacts;
 mod inertia;
 mod messages;
 
+pub(in crate::mujoco) use collision::*;
 pub(in crate::mujoco) use contacts::*;
 pub use inertia::MassFactor;
 pub(in crate::mujoco) use inertia::{actuator_moment, full_mass_matrix};
@@ -179,28 +181,6 @@ pub(in crate::mujoco) unsafe fn before_solver(m: *mut ffi::mjModel, d: *mut ffi:
 pub(in crate::mujoco) fn solver_iter(d: &ffi::mjData) -> i32 {
     let islands = (d.nisland.max(1) as usize).min(d.solver_niter.len());
     d.solver_niter[..islands].iter().copied().max().unwrap_or(0)
-}
-
-// ---------------------------------------------------------------------------------------------------- collision
-
-/// Whether [`narrow_phase`] gives the engine's functions, and the pairs that this crate tests are the engine's.
-pub(in crate::mujoco) const NARROW_PHASE: bool = false;
-
-/// One contact as the engine's narrow phase gives it.
-pub(in crate::mujoco) type Raw = ffi::mjContact;
-
-type NarrowPhase =
-    unsafe extern "C-unwind" fn(*const ffi::mjModel, *mut ffi::mjData, *mut Raw, c_int, c_int, f64) -> c_int;
-
-/// The engine's narrow phase is not used alone: broad phase, filters, margins and what follows the functions are others
-/// than in 2.2.2.
-pub(in crate::mujoco) fn narrow_phase(_kinds: [i32; 2]) -> Option<NarrowPhase> {
-    None
-}
-
-/// Which pairs are tested: those of `<pair>`, and those that contype and conaffinity allow.
-pub(in crate::mujoco) fn collision_kinds(_m: &ffi::mjModel) -> (bool, bool) {
-    (true, true)
 }
 
 // ---------------------------------------------------------------------------------------------------- pictures

@@ -1,6 +1,6 @@
 //! Where a body is, and bounds of how far its points have moved.
 
-use super::simulation::Simulation;
+use crate::mujoco::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
 
 /// A body's centre of mass, m, and its orientation (w, x, y, z).

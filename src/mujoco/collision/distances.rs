@@ -3,13 +3,14 @@
 // A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-use super::ffi;
-use super::mixing::ContactParameters;
+use super::gjk::clearance;
+use super::motion::Placement;
 use super::pairs::{TestedPair, tested_pairs};
-use super::placement::Placement;
-use super::separation::clearance;
+use super::parameters::ContactParameters;
 use super::shape::{Pose, Shape};
-use super::simulation::Simulation;
+use crate::mujoco::compat;
+use crate::mujoco::ffi;
+use crate::mujoco::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
@@ -17,7 +18,8 @@ use std::ops::Range;
 /// The part that stands for all bodies that cannot move.
 pub(super) const WORLD: usize = 0;
 
-/// Clearances are understated by this much of the two geoms' sizes: more than the engine's narrow phase can err.
+/// Clearances are understated by this much of the two geoms' sizes, and by the tolerance of the engine's own search: more
+/// than its narrow phase can err.
 const TOLERANCE: f64 = 1e-6;
 
 /// A radius that no rotation leaves unnoticed, for planes on moving bodies.
@@ -170,10 +172,15 @@ impl Pair {
             [ffi::mjGEOM_BOX, ffi::mjGEOM_BOX] | [ffi::mjGEOM_HFIELD, _] => 2.0,
             _ => 1.0,
         };
-        let margin = ContactParameters::new(sim.model(), pair).margin.max(0.0);
+        let margin = ContactParameters::new(sim.model(), pair).reach.max(0.0);
         let extents = pair.geoms.iter().flat_map(|&geom| &shapes[geom]);
         let size: f64 = extents.map(|shape| shape.extent).filter(|extent| extent.is_finite()).sum();
-        Self { geoms: pair.geoms, margin: factor * margin + TOLERANCE * size }
+        // Planes need no search.
+        let search = match kinds {
+            [ffi::mjGEOM_PLANE, _] => 0.0,
+            _ => compat::distance_tolerance(sim.model_fields()),
+        };
+        Self { geoms: pair.geoms, margin: factor * margin + TOLERANCE * size + search }
     }
 }
 

@@ -1,8 +1,8 @@
 //! Geoms as convex shapes: support functions, in double precision, of what the engine collides.
 
-use super::arrays::slice;
-use super::ffi;
-use super::simulation::Simulation;
+use crate::mujoco::arrays::slice;
+use crate::mujoco::ffi;
+use crate::mujoco::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
 
 /// Position and rotation (shape axes to world axes) of a shape.

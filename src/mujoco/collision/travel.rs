@@ -3,9 +3,9 @@
 // A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-use super::placement::Placement;
-use super::proximity::{Proximity, WORLD};
-use super::simulation::Simulation;
+use super::distances::{Proximity, WORLD};
+use super::motion::Placement;
+use crate::mujoco::simulation::Simulation;
 
 /// The ways of all parts of a [`Proximity`], and what they leave of the clearance of each group.
 ///
@@ -97,7 +97,7 @@ impl Ledger {
             let groups = proximity.groups.iter().enumerate();
             let counted =
                 groups.filter(|(_, group)| group.parts.iter().filter(|&&part| held(part)).count() == parts_held);
-            let account = |(group, of): (usize, &super::proximity::Group)| Account {
+            let account = |(group, of): (usize, &super::distances::Group)| Account {
                 parts: of.parts.map(|part| part as u32),
                 group: group as u32,
                 until: f64::NEG_INFINITY,

@@ -1,14 +1,15 @@
-//! The parameters of a geom pair's contacts, mixed as mj_collideGeoms of 2.2.2 does.
+//! The parameters of a geom pair's contacts, mixed as the engine's collision driver does.
 
-use super::compiled::CompiledModel;
-use super::ffi;
 use super::pairs::TestedPair;
+use crate::mujoco::compat;
+use crate::mujoco::compiled::CompiledModel;
+use crate::mujoco::ffi;
 
 /// Parameters of a pair's contacts.
 #[derive(Debug, Clone)]
 pub(super) struct ContactParameters {
     /// Contacts are made at distances up to this, m.
-    pub margin: f64,
+    pub reach: f64,
     /// Contacts take part in the solve below this distance, m.
     pub include_margin: f64,
     pub condim: usize,
@@ -30,40 +31,39 @@ enum FrictionOf {
 
 impl ContactParameters {
     pub fn new(model: &CompiledModel, pair: &TestedPair) -> Self {
-        let (mut parameters, gap) = match pair.predefined {
+        let (mut parameters, mut margin, gap) = match pair.predefined {
             Some(predefined) => Self::predefined(model, predefined),
             None => Self::mixed(model, pair.geoms),
         };
         if model.overrides_contacts() {
-            (parameters.margin, parameters.solref, parameters.solimp) = model.contact_override();
+            (margin, parameters.solref, parameters.solimp) = model.contact_override();
         }
-        parameters.include_margin = parameters.margin - gap;
+        (parameters.reach, parameters.include_margin) = compat::reach(margin, gap);
         parameters
     }
 
-    /// Those of a `<pair>`, and its gap.
-    fn predefined(model: &CompiledModel, pair: usize) -> (Self, f64) {
+    /// Those of a `<pair>`, its margin and its gap.
+    fn predefined(model: &CompiledModel, pair: usize) -> (Self, f64, f64) {
         let parameters = Self {
-            margin: model.pair_margin()[pair],
+            reach: 0.0,
             include_margin: 0.0,
             condim: model.pair_dim()[pair] as usize,
             solref: row(model.pair_solref(), pair),
             solimp: row(model.pair_solimp(), pair),
             friction: FrictionOf::Pair(pair),
         };
-        (parameters, model.pair_gap()[pair])
+        (parameters, model.pair_margin()[pair], model.pair_gap()[pair])
     }
 
-    /// Those of two geoms, and their gap.
-    fn mixed(model: &CompiledModel, geoms: [usize; 2]) -> (Self, f64) {
+    /// Those of two geoms, their margin and their gap.
+    fn mixed(model: &CompiledModel, geoms: [usize; 2]) -> (Self, f64, f64) {
         let of = |array: &[f64]| geoms.map(|geom| array[geom]);
         let priority = geoms.map(|geom| model.geom_priority()[geom]);
         let condim = geoms.map(|geom| model.geom_condim()[geom] as usize);
         let solref = geoms.map(|geom| row::<2>(model.geom_solref(), geom));
         let solimp = geoms.map(|geom| row::<5>(model.geom_solimp(), geom));
-        let larger = |[a, b]: [f64; 2]| a.max(b);
         let mut parameters = Self {
-            margin: larger(of(model.geom_margin())),
+            reach: 0.0,
             include_margin: 0.0,
             condim: condim[0].max(condim[1]),
             solref: solref[0],
@@ -87,11 +87,14 @@ impl ContactParameters {
             });
             parameters.solimp = std::array::from_fn(|i| blend([solimp[0][i], solimp[1][i]]));
         }
-        (parameters, larger(of(model.geom_gap())))
+        (parameters, compat::mix_margins(of(model.geom_margin())), compat::mix_margins(of(model.geom_gap())))
     }
 
     /// Sliding (two), spinning and rolling (two) friction, from the model's present numbers.
     pub fn friction(&self, model: &CompiledModel) -> [f64; 5] {
+        if let Some(friction) = compat::friction_override(model) {
+            return friction;
+        }
         let unpack = |[slide, spin, roll]: [f64; 3]| [slide, slide, spin, roll, roll];
         let friction = match self.friction {
             FrictionOf::Pair(pair) => row(model.pair_friction(), pair),

@@ -1,9 +1,9 @@
-//! Which geom pairs collision detection tests, and in which order: mj_collision of 2.2.2
-//! (engine_collision_driver.c) without its broad phase.
+//! Which geom pairs collision detection tests, and in which order: mj_collision (engine_collision_driver.c) without its
+//! broad phase.
 
-use super::compat;
-use super::ffi;
-use super::simulation::Simulation;
+use crate::mujoco::compat;
+use crate::mujoco::ffi;
+use crate::mujoco::simulation::Simulation;
 
 /// Two geoms that collision detection tests against each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -30,7 +30,7 @@ pub(super) fn tested_pairs(sim: &Simulation) -> Vec<TestedPair> {
 /// Whether the engine looks for contacts at all.
 pub(super) fn detects(sim: &Simulation) -> bool {
     let model = sim.model();
-    model.has_contacts() && model.nconmax() > 0 && model.nbody() > 1
+    model.has_contacts() && compat::contact_capacity(sim.model_fields()) > 0 && model.nbody() > 1
 }
 
 /// A `<pair>` with its body pair signature; `None` if the engine has no collision function for it.
@@ -52,14 +52,17 @@ fn dynamic_pairs(sim: &Simulation) -> impl Iterator<Item = (i32, TestedPair)> + 
     let bodies = model.nbody();
     (0..bodies)
         .flat_map(move |body1| (body1 + 1..bodies).map(move |body2| (body1, body2)))
-        .map(|(body1, body2)| (((body1 + 1) << 16) as i32 + body2 as i32 + 1, body1, body2))
+        .map(|(body1, body2)| (compat::signature(body1, body2), body1, body2))
         .filter(|(signature, ..)| !model.exclude_signature().contains(signature))
         .flat_map(move |(signature, body1, body2)| {
-            geoms_of(body1)
-                .flat_map(move |geom1| geoms_of(body2).map(move |geom2| [geom1, geom2]))
-                .filter_map(move |geoms| Some((signature, ordered(sim, geoms, None)?)))
+            let geoms = geoms_of(body1).flat_map(|geom1| geoms_of(body2).map(move |geom2| [geom1, geom2]));
+            let tested = geoms.filter_map(|geoms| ordered(sim, geoms, None)).filter(|pair| passes_filter(sim, pair));
+            let mut tested: Vec<TestedPair> = tested.collect();
+            if compat::sorts_pairs(sim.model_fields(), [body1, body2]) {
+                tested.sort_unstable_by_key(|pair| pair.geoms);
+            }
+            tested.into_iter().map(move |pair| (signature, pair))
         })
-        .filter(|(_, pair)| passes_filter(sim, pair))
 }
 
 /// Predefined pairs come before the dynamic ones of their body pair and replace them, geom pair by geom pair.
@@ -101,5 +104,6 @@ fn passes_filter(sim: &Simulation, pair: &TestedPair) -> bool {
     let filters_parents = model.disable_flags() & ffi::mjDSBL_FILTERPARENT == 0 && weld1 != 0 && weld2 != 0;
     (types1 & affine2 != 0 || types2 & affine1 != 0)
         && weld1 != weld2
+        && compat::may_meet(sim.model_fields(), [weld1, weld2])
         && !(filters_parents && (weld1 == parent(weld2) || weld2 == parent(weld1)))
 }

@@ -3,12 +3,12 @@
 // A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-use super::collider::PairCollider;
-use super::error::{Error, check_length};
-use super::ledger::{Ledger, NotANumber};
+use super::distances::{Proximity, is_fixed};
+use super::narrow_phase::PairCollider;
 use super::pairs::{TestedPair, detects};
-use super::proximity::{Proximity, is_fixed};
-use super::simulation::Simulation;
+use super::travel::{Ledger, NotANumber};
+use crate::mujoco::error::{Error, check_length};
+use crate::mujoco::simulation::Simulation;
 
 /// Calls for which the answer stays "no" after something was found near.
 const BACK_OFF: u32 = 20;

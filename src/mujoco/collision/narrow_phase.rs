@@ -3,15 +3,14 @@
 // A distance that is not a number must count as too near: `!(a > b)` says that, `a <= b` does not.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-use super::broad::any_twice;
-use super::compat;
-use super::contact::Contact;
-use super::error::{Error, check_index, check_length};
-use super::ffi;
-use super::ids::{BodyId, GeomId, Id};
-use super::mixing::ContactParameters;
 use super::pairs::{TestedPair, detects, tested_pairs};
-use super::simulation::Simulation;
+use super::parameters::ContactParameters;
+use crate::mujoco::compat;
+use crate::mujoco::contact::Contact;
+use crate::mujoco::error::{Error, check_index, check_length};
+use crate::mujoco::ffi;
+use crate::mujoco::ids::{BodyId, GeomId, Id};
+use crate::mujoco::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
 
 const NAME: &str = "mjCOLLISIONFUNC";
@@ -19,11 +18,11 @@ const NAME: &str = "mjCOLLISIONFUNC";
 /// Finds the contacts between two sets of geoms as [`Simulation::collision`] would, at a fraction of its cost: no other
 /// pair is looked at, and there is no broad phase.
 ///
-/// The contacts are those of the engine bit for bit, in its order, except that (engine_collision_driver.c of 2.2.2)
-/// - the engine's broad phase works in single precision and with the geoms' own margins, so it may lose contacts whose
-///   bounding spheres overlap by less than that precision, or that only a larger override margin reaches;
-/// - the engine tests a plane of a static body other than the world twice, if something passes close to its origin;
-/// - the engine stops at `nconmax` contacts.
+/// The contacts are those of the engine bit for bit, in its order, except that (engine_collision_driver.c)
+/// - the engine's broad phase works in single precision and with the geoms' own margins, so it may lose contacts of bodies
+///   that barely touch, or that only a larger override margin reaches;
+/// - MuJoCo 2.2.2 tests a plane of a static body other than the world twice, if something passes close to its origin;
+/// - the engine stops when the list (`nconmax`) or, in MuJoCo 3, the arena is full.
 ///
 /// [`is_certain`](Self::is_certain) says of contacts that were found whether all of this can be ruled out.
 #[derive(Clone)]
@@ -36,7 +35,7 @@ pub struct PairCollider {
     ngeom: usize,
     npair: usize,
     /// The engine may test a pair twice.
-    pub(super) twice: bool,
+    twice: bool,
 }
 
 /// What the bounding spheres of a pair are tested with.
@@ -81,8 +80,16 @@ impl PairCollider {
     /// For all pairs of a geom of `first` and a geom of `second` that collision detection tests. Geoms that the engine
     /// does not collide (contype and conaffinity, welded bodies, parent and child, `<exclude>`) give no pair.
     ///
-    /// Fails if a geom does not exist, and with [`Error::Unsupported`] where [`supported`](Self::supported) says no.
+    /// Fails as [`of_sets`](Self::of_sets).
     pub fn new(sim: &Simulation, first: &[GeomId], second: &[GeomId]) -> Result<Self, Error> {
+        Self::of_sets(sim, &[[first, second]])
+    }
+
+    /// As [`new`](Self::new), for the pairs of several sets at once.
+    ///
+    /// Fails if a geom does not exist, and with [`Error::Unsupported`] where [`supported`](Self::supported) says no or a
+    /// pair has what a [`Contact`] does not say (signed distance fields, adhesion, `solreffriction`).
+    pub fn of_sets(sim: &Simulation, sets: &[[&[GeomId]; 2]]) -> Result<Self, Error> {
         if !Self::supported() {
             let version = compat::header_version();
             return Err(Error::Unsupported(format!("the narrow phase of MuJoCo {version} cannot be called alone")));
@@ -96,21 +103,30 @@ impl PairCollider {
             }
             Ok(inside)
         };
-        let (first, second) = (members(first)?, members(second)?);
+        let sets = sets.iter().map(|[first, second]| Ok((members(first)?, members(second)?)));
+        let sets = sets.collect::<Result<Vec<_>, Error>>()?;
         let mut pairs = tested_pairs(sim);
         pairs.retain(|pair| {
             let [a, b] = pair.geoms;
-            (first[a] && second[b]) || (first[b] && second[a])
+            sets.iter().any(|(first, second)| (first[a] && second[b]) || (first[b] && second[a]))
         });
+        if let Some(pair) = pairs.iter().find(|pair| !compat::is_plain(sim.model_fields(), pair.geoms, pair.predefined))
+        {
+            let [a, b] = pair.geoms.map(|geom| model.label(GeomId::from_index(geom)));
+            return Err(Error::Unsupported(format!(
+                "contacts of {a} and {b} have adhesion, a friction reference or a signed distance field, which the narrow \
+                 phase alone does not give"
+            )));
+        }
         let parameters: Vec<_> = pairs.iter().map(|pair| ContactParameters::new(model, pair)).collect();
         let probes =
-            pairs.iter().zip(&parameters).map(|(pair, parameters)| Probe::new(sim, pair, parameters.margin)).collect();
-        let twice = any_twice(sim, &pairs);
+            pairs.iter().zip(&parameters).map(|(pair, parameters)| Probe::new(sim, pair, parameters.reach)).collect();
+        let twice = compat::REPEATS_PLANES && any_plane(sim, &pairs);
         let (ngeom, npair) = (model.ngeom(), model.npair());
         Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), ngeom, npair, twice })
     }
 
-    /// Whether this version of the engine lets its narrow phase be called alone (2.2.2 does, 3.x does not).
+    /// Whether this version of the engine lets its narrow phase be called alone (2.2.2 does, and 3.9 and later do).
     pub fn supported() -> bool {
         compat::NARROW_PHASE
     }
@@ -145,8 +161,8 @@ impl PairCollider {
                 if unsafe { probe.may_touch(d) } {
                     let (pair, parameters) = (&self.pairs[i], &self.parameters[i]);
                     // SAFETY: model and data belong together, and have the pair's geoms.
-                    let found = unsafe { buffer.collide(m, d, pair.geoms, parameters.margin) };
-                    let found = if probe.boxes { without_repeats(found) } else { found };
+                    let found = unsafe { buffer.collide(m, d, pair.geoms, parameters.reach) };
+                    let found = if compat::REPEATS_POINTS && probe.boxes { without_repeats(found) } else { found };
                     let friction = parameters.friction(sim.model());
                     for raw in found {
                         out.push(contact(raw, pair, parameters, friction)?);
@@ -161,6 +177,50 @@ impl PairCollider {
         }
         result
     }
+
+    /// Whether it is certain that the engine's collision stage would put exactly these contacts of this collider into its
+    /// list: `found` at the present poses, and nothing else being near. Allocates nothing.
+    pub fn is_certain(&self, sim: &Simulation, found: &[Contact]) -> bool {
+        !self.twice
+            && found.len() <= compat::contact_room(sim.model_fields(), sim.data())
+            && found.chunk_by(|a, b| a.geoms == b.geoms).all(|of_one_pair| broad_phase_keeps(sim, of_one_pair))
+    }
+}
+
+/// More than what single precision takes from the overlap of two boxes, relative to the coordinates of their faces: 2^-24
+/// for each of two faces, and some for the axes.
+const PRECISION: f64 = 1.0 / (1 << 22) as f64;
+
+/// More than what the narrow phase errs, relative to the geoms' sizes.
+const ACCURACY: f64 = 1e-6;
+
+/// Whether two geoms with these contacts are so close that the boxes around them, widened by their margins, overlap along
+/// any axis by more than rounding.
+fn broad_phase_keeps(sim: &Simulation, of_one_pair: &[Contact]) -> bool {
+    let model = sim.model();
+    let [a, b] = of_one_pair[0].geoms.map(|geom| geom.index());
+    let position = |geom: usize| Vector3::from_column_slice(&sim.geom_xpos()[3 * geom..3 * geom + 3]);
+    let mut margin = model.geom_margin()[a] + model.geom_margin()[b];
+    if model.overrides_contacts() {
+        margin = margin.min(model.contact_override().0);
+    }
+    let size = model.geom_rbound()[a] + model.geom_rbound()[b];
+    let rounding = PRECISION * (position(a).norm() + position(b).norm() + size) + ACCURACY * size;
+    // Written so that a distance that is not a number is not certain.
+    of_one_pair.iter().any(|contact| contact.dist < margin - rounding)
+}
+
+/// Whether a body of a pair is static, but not the world, and has a plane or height field.
+fn any_plane(sim: &Simulation, pairs: &[TestedPair]) -> bool {
+    let model = sim.model();
+    let open = |geom: usize| matches!(model.geom_type()[geom] as u32, ffi::mjGEOM_PLANE | ffi::mjGEOM_HFIELD);
+    let has = |body: usize| {
+        let geoms = 0..model.ngeom();
+        body != 0
+            && model.body_weldid()[body] == 0
+            && geoms.filter(|&geom| model.geom_bodyid()[geom] as usize == body).any(open)
+    };
+    pairs.iter().flat_map(|pair| pair.bodies).any(has)
 }
 
 impl Probe {
@@ -249,8 +309,8 @@ impl Buffer {
         Self(vec![empty; ffi::mjMAXCONPAIR as usize].into_boxed_slice())
     }
 
-    /// Runs the engine's collision function of two geoms. Of a contact it sets `dist`, `pos` and the first two axes of
-    /// `frame`.
+    /// Runs the engine's collision function of two geoms. Of a contact it sets distance, position and the first two axes
+    /// of the frame.
     ///
     /// # Safety
     /// `m` and `d` are valid, belong together and have these geoms, and nothing holds a reference to the poses: the
@@ -276,7 +336,7 @@ impl Buffer {
 }
 
 /// Two boxes may give a point several times; the engine keeps the last.
-fn without_repeats(found: &mut [ffi::mjContact]) -> &mut [compat::Raw] {
+fn without_repeats(found: &mut [compat::Raw]) -> &mut [compat::Raw] {
     let mut kept = 0;
     for i in 0..found.len() {
         let repeated = found[i + 1..].iter().any(|later| later.pos == found[i].pos);
@@ -298,7 +358,7 @@ fn contact(
         geoms: pair.geoms.map(GeomId::from_index),
         bodies: pair.bodies.map(BodyId::from_index),
         position: raw.pos.into(),
-        frame: complete_frame(&raw.frame)?,
+        frame: complete_frame(&compat::axes(raw))?,
         dist: raw.dist,
         include_margin: parameters.include_margin,
         condim: parameters.condim,
@@ -313,8 +373,8 @@ fn contact(
 
 /// mju_makeFrame: the normal, the tangent hint made orthogonal to it (or y, or z), and their cross product, as rows.
 /// The order of operations is the engine's.
-fn complete_frame(raw: &[f64; 9]) -> Result<Matrix3<f64>, Error> {
-    let [x0, x1, x2, y0, y1, y2, ..] = *raw;
+fn complete_frame(raw: &[f64; 6]) -> Result<Matrix3<f64>, Error> {
+    let [x0, x1, x2, y0, y1, y2] = *raw;
     let (normal, length) = normalized([x0, x1, x2]);
     if length < 0.5 {
         return Err(Error::Engine { call: NAME, message: "xaxis of contact frame undefined".into() });
