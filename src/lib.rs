@@ -12,7 +12,7 @@
 //!  │ collision            ├─────►│   Q >= Q_Th for a while ──► grasped     ├───►│ left (floor, limits,   ├──► integrate
 //!  │ (contacts, smooth    │      │ grasped: take the contacts out, solve   │    │ other objects), with   │
 //!  │  accelerations)      │      │   them as one, put the forces on hand   │    │ the grasp's forces     │
-//!  └──────────────────────┘      │   and target; Q < Q_M ──► ungrasped     │    └────────────────────────┘
+//!  └──────────────────────┘      │   and target; no hold ──► ungrasped     │    └────────────────────────┘
 //!                                └─────────────────────────────────────────┘
 //! ```
 //!
@@ -94,8 +94,8 @@
 //! # Conventions
 //!
 //! World frame, SI, angles in radians. Twists and wrenches are 6-vectors `[linear; angular]` (force; torque). A contact's
-//! normal points into the target, and forces are those on the target. Nothing panics on what a caller can pass; every
-//! error says what, where, and what would be right.
+//! normal points into the target, and forces are those on the target. Nothing panics on what a caller can pass,
+//! but for indexing with a handle of other grasps, as with a slice; every error says what, where, and what would be right.
 #![deny(unsafe_code)]
 
 pub mod grasp;

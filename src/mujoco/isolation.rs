@@ -1,7 +1,6 @@
 //! Loading a model in a child process: what ends or hangs MuJoCo's compiler ends the child alone.
 
 use super::error::Error;
-use super::model::Model;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::{FromRawFd, RawFd};
@@ -33,8 +32,12 @@ const LOADED: u8 = 1;
 const REFUSED: u8 = 0;
 const HEAD: usize = 9;
 
-/// Runs `load` in a child process, and takes over the model.
-pub(super) fn load(what: &str, seconds: u32, load: impl FnOnce() -> Result<Model, Error>) -> Result<Model, Error> {
+/// Runs `load` in a child process, and takes over what it gives: warnings, and a binary model.
+pub(super) fn load(
+    what: &str,
+    seconds: u32,
+    load: impl FnOnce() -> Result<(String, Vec<u8>), Error>,
+) -> Result<(String, Vec<u8>), Error> {
     let failed = |message: String| Error::Load { what: what.into(), message };
     let system = |doing: &str| failed(format!("{doing}: {}", std::io::Error::last_os_error()));
     let mut ends: [RawFd; 2] = [0; 2];
@@ -61,7 +64,7 @@ pub(super) fn load(what: &str, seconds: u32, load: impl FnOnce() -> Result<Model
                 return Err(failed(death(libc::WTERMSIG(status), seconds)));
             }
             match understood(&said) {
-                Some((LOADED, text, model)) => Model::from_binary(what, text, model),
+                Some((LOADED, text, model)) => Ok((text.to_owned(), model.to_vec())),
                 Some((_, text, _)) => Err(failed(text.into())),
                 None => Err(failed("MuJoCo has ended the child process that loads it".into())),
             }
@@ -101,10 +104,10 @@ fn death(signal: libc::c_int, seconds: u32) -> String {
 }
 
 /// The child's whole life.
-fn child(seconds: u32, mut write: File, load: impl FnOnce() -> Result<Model, Error>) -> ! {
+fn child(seconds: u32, mut write: File, load: impl FnOnce() -> Result<(String, Vec<u8>), Error>) -> ! {
     confine(seconds);
-    let loaded = catch_unwind(AssertUnwindSafe(|| match load().and_then(|model| Ok((model.to_binary()?, model))) {
-        Ok((binary, model)) => (LOADED, model.warnings().join("\0"), binary),
+    let loaded = catch_unwind(AssertUnwindSafe(|| match load() {
+        Ok((warnings, binary)) => (LOADED, warnings, binary),
         Err(Error::Load { message, .. }) => (REFUSED, message, Vec::new()),
         Err(other) => (REFUSED, other.to_string(), Vec::new()),
     }));

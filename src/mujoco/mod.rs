@@ -39,6 +39,7 @@ mod simulation;
 pub mod stages;
 mod state;
 mod vfs;
+mod warning_counters;
 mod warnings;
 
 #[cfg(feature = "render")]

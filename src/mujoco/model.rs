@@ -140,11 +140,20 @@ impl Model {
 const WITHOUT_THREADS: &str = "<compiler usethread=\"false\"/>";
 
 fn load(name: &str, vfs: Option<&Vfs>, what: String) -> Result<Model, Error> {
-    compat::check_version()?;
+    if let Some(library) = compat::other_library() {
+        return Err(Error::Version { header: compat::header_version(), library });
+    }
     let c_name = CString::new(name)
         .map_err(|_| Error::Load { what: what.clone(), message: "the path contains a NUL byte".into() })?;
     match isolation::limit() {
-        Some(seconds) => isolation::load(&what, seconds, || compile(&c_name, vfs, what.clone())),
+        Some(seconds) => {
+            let compile = || {
+                let model = compile(&c_name, vfs, what.clone())?;
+                Ok((model.warnings().join("\0"), model.to_binary()?))
+            };
+            let (warnings, binary) = isolation::load(&what, seconds, compile)?;
+            Model::from_binary(&what, &warnings, &binary)
+        }
         None => compile(&c_name, vfs, what),
     }
 }

@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::checkpoint::{Checkpoint, Ending};
+use super::checkpoint::{Checkpoint, Ending, STRICTER};
 use super::compare::{Comparison, compare};
 use super::draw::{DURATIONS, Direction, Draw, Kind, directions};
 use super::error::Error;
@@ -32,8 +32,6 @@ pub const ONSET_ACCURACY: f64 = 0.01;
 /// What finding both onsets of a direction costs, in trials.
 pub const TRIALS_PER_ONSET: u64 = 6;
 
-/// Noslip iterations of the stricter full solve that a disagreement is tried with, over full mode's own.
-pub const STRICTER: usize = 10;
 
 /// A lever for the first guess of a torque where nothing touches the target \[m\].
 const LEVER: f64 = 0.03;

@@ -5,7 +5,6 @@
 
 use serde::Serialize;
 
-use super::agree::STRICTER;
 use super::error::Error;
 use super::outcome::{LOSS_DISTANCE, Motion, Outcome, Summary, summarize};
 use super::plan::{Plan, Push};
@@ -13,6 +12,9 @@ use super::run::Options;
 use super::runner::{Mode, Runner};
 use super::trajectory::Trajectory;
 use crate::grasp::Phase;
+
+/// Noslip iterations of the stricter full solve that a disagreement is tried with, over full mode's own.
+pub const STRICTER: usize = 10;
 
 /// A simulation at the start of a push.
 #[derive(Clone, Debug)]

@@ -4,23 +4,6 @@ use super::error::{Error, Field};
 use super::plan::Plan;
 use super::trajectory::Sample;
 
-/// Refuses a time step with which no time passes.
-///
-/// # Errors
-/// [`Error::Field`].
-pub(super) fn check_timestep(plan: &Plan) -> Result<(), Error> {
-    let (step, duration) = (plan.model.timestep(), plan.timeline.duration);
-    let wrong =
-        |rule: String| Err(Field::new(&plan.file, "model").wrong(format!("has <option timestep=\"{step}\"/>; {rule}")));
-    if !(step.is_finite() && step > 0.0) {
-        return wrong("a time step must be a finite number above 0 [s]".to_owned());
-    }
-    if step > duration {
-        return wrong(format!("it must not be longer than the whole run, timeline.duration = {duration} s"));
-    }
-    Ok(())
-}
-
 /// Steps of a whole run: one for each multiple of the time step from 0 to the duration.
 pub(super) fn steps(plan: &Plan) -> f64 {
     (plan.timeline.duration / plan.model.timestep() + 0.5).floor() + 1.0

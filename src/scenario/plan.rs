@@ -8,7 +8,6 @@ use super::actuator;
 use super::control::Entry;
 use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
-use super::length;
 use super::source::Source;
 use super::stop::Stop;
 use crate::grasp::{DEFAULT_LATCH_TIME, DEFAULT_RELEASE_TIME, GraspSpec, Limits, find_hand, weld_xml};
@@ -156,7 +155,7 @@ impl Plan {
         let (name, timeline) = (file.name.clone(), file.timeline);
         let (file, stop) = (path.to_path_buf(), Stop::default());
         let plan = Self { name, file, model, keyframe, timeline, grasps, controls, goals, pushes, stop };
-        length::check_timestep(&plan)?;
+        plan.check_timestep()?;
         Ok(plan)
     }
 
@@ -179,6 +178,23 @@ impl Plan {
                 }
             },
         }
+    }
+
+    /// Refuses a time step with which no time passes.
+    ///
+    /// # Errors
+    /// [`Error::Field`].
+    pub(super) fn check_timestep(&self) -> Result<(), Error> {
+        let (step, duration) = (self.model.timestep(), self.timeline.duration);
+        let wrong =
+            |rule: String| Err(Field::new(&self.file, "model").wrong(format!("has <option timestep=\"{step}\"/>; {rule}")));
+        if !(step.is_finite() && step > 0.0) {
+            return wrong("a time step must be a finite number above 0 [s]".to_owned());
+        }
+        if step > duration {
+            return wrong(format!("it must not be longer than the whole run, timeline.duration = {duration} s"));
+        }
+        Ok(())
     }
 
     /// The same plan, `duration` seconds long.

@@ -70,7 +70,7 @@ impl Runner {
     /// recorded.
     pub fn new(plan: &Plan, mode: Mode, push: Option<&Push>) -> Result<Self, Error> {
         plan.stop.check()?;
-        length::check_timestep(plan)?;
+        plan.check_timestep()?;
         let mut sim = Simulation::new(&plan.model)?;
         if let Some(key) = plan.keyframe {
             sim.reset_to_keyframe(key)?;

@@ -110,43 +110,6 @@ impl LimitsArg {
     }
 }
 
-/// The JSON object of `run`.
-#[derive(Serialize)]
-pub struct Report<'a> {
-    pub scenario: &'a str,
-    pub engine: String,
-    pub nv: usize,
-    pub timestep_s: f64,
-    pub runs: &'a [Pair],
-    /// What `--at-onset` found; `None` without it.
-    pub at_onset: Option<AtOnset>,
-    /// As on standard error.
-    warnings: Vec<String>,
-    /// Only when a run failed on its way, could not be stored, or was interrupted.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    error: Option<String>,
-}
-
-/// Pushes scaled to a share of their onset.
-#[derive(Serialize)]
-pub struct AtOnset {
-    /// Share of the smallest push that full mode does not hold.
-    pub share: f64,
-    pub pushes: Vec<ScaledPush>,
-}
-
-/// One of them.
-#[derive(Serialize)]
-pub struct ScaledPush {
-    pub push: String,
-    /// The scenario's push times this is the smallest that full mode does not hold; `None`: not found, and left as it is.
-    pub onset_factor: Option<f64>,
-    /// As it is pushed.
-    pub force_n: [f64; 3],
-    /// As it is pushed.
-    pub torque_nm: [f64; 3],
-}
-
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let options = args.overrides.options();

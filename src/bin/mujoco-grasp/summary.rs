@@ -1,4 +1,4 @@
-//! The tables of `run`.
+//! What `run` reports: its JSON object and its tables.
 
 use std::path::Path;
 
@@ -8,7 +8,44 @@ use mujoco_grasp::scenario::run::Pair;
 use mujoco_grasp::scenario::runner::Mode;
 
 use crate::output::{number, table};
-use crate::run::{AtOnset, Report};
+use serde::Serialize;
+
+/// The JSON object of `run`.
+#[derive(Serialize)]
+pub struct Report<'a> {
+    pub scenario: &'a str,
+    pub engine: String,
+    pub nv: usize,
+    pub timestep_s: f64,
+    pub runs: &'a [Pair],
+    /// What `--at-onset` found; `None` without it.
+    pub at_onset: Option<AtOnset>,
+    /// As on standard error.
+    pub warnings: Vec<String>,
+    /// Only when a run failed on its way, could not be stored, or was interrupted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+}
+
+/// Pushes scaled to a share of their onset.
+#[derive(Serialize)]
+pub struct AtOnset {
+    /// Share of the smallest push that full mode does not hold.
+    pub share: f64,
+    pub pushes: Vec<ScaledPush>,
+}
+
+/// One of them.
+#[derive(Serialize)]
+pub struct ScaledPush {
+    pub push: String,
+    /// The scenario's push times this is the smallest that full mode does not hold; `None`: not found, and left as it is.
+    pub onset_factor: Option<f64>,
+    /// As it is pushed.
+    pub force_n: [f64; 3],
+    /// As it is pushed.
+    pub torque_nm: [f64; 3],
+}
 
 const HEADS: [&str; 13] = [
     "push",

@@ -3,7 +3,6 @@
 //! Nothing else in the crate asks for the version. `build.rs` reads it from the headers; of a version that was not tested
 //! it looks for the names that these files use, and lists those that are missing.
 
-use super::error::Error;
 use super::ffi;
 #[cfg(test)]
 use std::ffi::CStr;
@@ -30,14 +29,12 @@ pub(super) fn header_version() -> String {
     readable(ffi::mjVERSION_HEADER)
 }
 
-/// Checks that the library loaded at run time is the one that the headers describe: structures differ between versions.
-pub(super) fn check_version() -> Result<(), Error> {
+/// The version of the library loaded at run time, if it is not the one that the headers describe: structures differ between
+/// versions.
+pub(super) fn other_library() -> Option<String> {
     // SAFETY: no arguments, returns a constant.
-    let library = unsafe { ffi::mj_version() };
-    if u32::try_from(library) == Ok(ffi::mjVERSION_HEADER) {
-        return Ok(());
-    }
-    Err(Error::Version { header: header_version(), library: readable(u32::try_from(library).unwrap_or(0)) })
+    let library = u32::try_from(unsafe { ffi::mj_version() }).unwrap_or(0);
+    (library != ffi::mjVERSION_HEADER).then(|| readable(library))
 }
 
 /// 222 is 2.2.2; from 3.5 on the number is written 3005000.
