@@ -1,6 +1,6 @@
 //! A safe binding to MuJoCo 2.2.2 and 3.x: the only place in the crate with unsafe code.
 //!
-//! - [`Model`]: loading; everything readable is on [`CompiledModel`].
+//! - [`Model`]: loading ([`isolate_loading`]: in a child process); everything readable is on [`CompiledModel`].
 //! - [`Simulation`]: a private copy of a model and its data; steps whole or in [`stages`], [`Contact`]s, Jacobians,
 //!   constraint [`rows`], [`State`]s. The engine's numeric arrays are methods with the engine's names.
 //! - [`Renderer`]: pictures, drawn offscreen without a display.
