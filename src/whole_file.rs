@@ -29,14 +29,12 @@ pub(crate) fn write_whole(
     Ok(())
 }
 
-/// The system's reason by itself: the caller says which file.
+/// The system's reason by itself: the caller says which file, and not that of the temporary name.
 fn without_path(error: Error) -> Error {
-    match error.raw_os_error() {
-        Some(code) => Error::from_raw_os_error(code),
-        None => match error.get_ref().and_then(std::error::Error::source).map(ToString::to_string) {
-            Some(reason) => Error::new(error.kind(), reason),
-            None => error,
-        },
+    let text = error.to_string();
+    match text.split_once(" at path ") {
+        Some((reason, _)) => Error::new(error.kind(), reason),
+        None => error,
     }
 }
 

@@ -10,7 +10,7 @@ use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
 use serde::Serialize;
 
-use crate::output::{FAILURE, Output, complain, number, table};
+use crate::output::{FAILURE, Output, complain, number, table, unwritten};
 use crate::progress::Progress;
 use crate::run::Overrides;
 use crate::{leftovers, scatters, signals};
@@ -75,11 +75,11 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let progress = Progress::new(directions as u64 * TRIALS_PER_ONSET + args.trials, "pushing");
     let onsets = ground.onsets(&|| progress.advance(TRIALS_PER_ONSET));
     // Kept whatever comes.
-    let mut failures = Vec::from_iter(write_onsets(&onsets, &out.join(FILES[0])).err());
+    let mut errors = Vec::from_iter(write_onsets(&onsets, &out.join(FILES[0])).err());
     let mut trials = Vec::new();
     if !plan.stop.is_asked() {
         trials = ground.trials(&onsets, args.trials, args.seed, &|| progress.advance(1));
-        failures.extend(write_trials(&onsets, &trials, &out.join(FILES[1])).err());
+        errors.extend(write_trials(&onsets, &trials, &out.join(FILES[1])).err());
     }
     progress.finish();
     if trials.is_empty() && !plan.stop.is_asked() {
@@ -88,8 +88,7 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
             "no trials: full mode has no onset in any direction (it holds, or does not, whatever the push)",
         );
     }
-    let unwritten = !failures.is_empty();
-    let mut failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
+    let mut failures = unwritten(errors.iter());
     if let Some((signal, _)) = signals::received() {
         let (found, made) = (onsets.len(), trials.len());
         failures.push(format!(
@@ -114,7 +113,7 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         error: (!failures.is_empty()).then(|| failures.join("; ")),
     };
     output.write(&report, || text(&report, &out))?;
-    if !args.no_pictures && !trials.is_empty() && !unwritten {
+    if !args.no_pictures && !trials.is_empty() && errors.is_empty() {
         scatters::save(&plan.name, &trials, &out);
     }
     Ok(match signals::received() {

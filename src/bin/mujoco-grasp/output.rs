@@ -59,6 +59,22 @@ pub fn message(error: &anyhow::Error) -> String {
     })
 }
 
+/// Files that could not be written, each reason of the system once.
+pub fn unwritten<'a>(errors: impl Iterator<Item = &'a scenario::Error>) -> Vec<String> {
+    let mut by_reason: Vec<(String, Vec<String>)> = Vec::new();
+    for error in errors {
+        let (file, reason) = match error {
+            scenario::Error::Write { file, source } => (file.display().to_string(), source.to_string()),
+            other => ("results".to_owned(), other.to_string()),
+        };
+        match by_reason.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, files)) => files.push(file),
+            None => by_reason.push((reason, vec![file])),
+        }
+    }
+    by_reason.into_iter().map(|(why, files)| format!("{}: cannot be written: {why}", files.join(", "))).collect()
+}
+
 fn was_interrupted(error: &anyhow::Error) -> bool {
     error.chain().any(|e| matches!(e.downcast_ref(), Some(scenario::Error::Interrupted)))
 }

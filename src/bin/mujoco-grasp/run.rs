@@ -14,7 +14,7 @@ use mujoco_grasp::scenario::runner::{Mode, Runner};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::output::{FAILURE, Output, complain};
+use crate::output::{FAILURE, Output, complain, unwritten};
 use crate::progress::Progress;
 use crate::{leftovers, signals, summary, warnings};
 
@@ -142,7 +142,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     warnings.iter().for_each(|message| complain("warning", message));
     let failures = failures(&pairs, runs);
     failures.iter().for_each(|message| complain("error", message));
-    let unwritten = pairs.iter().flat_map(Pair::runs).any(|run| run.unwritten.is_some());
+    let all_written = pairs.iter().flat_map(Pair::runs).all(|run| run.unwritten.is_none());
     let report = Report {
         scenario: &plan.name,
         engine: mujoco::mujoco_version(),
@@ -155,7 +155,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     };
     let notes = warnings::creep_notes(&pairs, options.noslip.unwrap_or(plan.model.noslip_iterations()));
     output.write(&report, || summary::text(&report, &notes, &out))?;
-    if !args.no_pictures && !unwritten {
+    if !args.no_pictures && all_written {
         crate::pictures::save_all(&plan, &pairs, &out);
     }
     Ok(match signals::received() {
@@ -170,19 +170,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
 fn failures(pairs: &[Pair], wanted: usize) -> Vec<String> {
     let runs = || pairs.iter().flat_map(Pair::runs);
     let mut failures: Vec<String> = runs().filter_map(|r| r.error.as_ref()).map(ToString::to_string).collect();
-    let mut unwritten: Vec<(String, Vec<String>)> = Vec::new();
-    for error in runs().filter_map(|run| run.unwritten.as_ref()) {
-        let (file, reason) = match error {
-            Error::Write { file, source } => (file.display().to_string(), source.to_string()),
-            other => (String::new(), other.to_string()),
-        };
-        match unwritten.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, files)) => files.push(file),
-            None => unwritten.push((reason, vec![file])),
-        }
-    }
-    failures
-        .extend(unwritten.into_iter().map(|(why, files)| format!("{}: cannot be written: {why}", files.join(", "))));
+    failures.extend(unwritten(runs().filter_map(|run| run.unwritten.as_ref())));
     if let Some((signal, _)) = signals::received() {
         failures.push(format!("interrupted by {signal}: {} of {wanted} runs were finished", runs().count()));
     }

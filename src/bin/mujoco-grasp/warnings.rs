@@ -84,7 +84,7 @@ fn creep_note(pair: &Pair) -> Option<String> {
         (Some(full), Some(grasp)) if full > CREEPS * grasp => {
             format!("it creeps at {:.2} um/s in the last second, grasp mode at {:.2}", full * 1e6, grasp * 1e6)
         }
-        (None, _) => "what it holds creeps out of its grip".to_owned(),
+        (None, _) => "what it holds creeps".to_owned(),
         _ => return None,
     };
     Some(format!("{}: full mode runs without noslip iterations: {how}; compare with --noslip 100", pair.push))
