@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::checkpoint::{Checkpoint, Ending, STRICTER};
+use super::checkpoint::{Checkpoint, Ending};
 use super::compare::{Comparison, compare};
 use super::draw::{DURATIONS, Direction, Draw, Kind, directions};
 use super::error::Error;
@@ -31,7 +31,6 @@ pub const ONSET_DURATION: f64 = 0.5 * (DURATIONS.0 + DURATIONS.1);
 pub const ONSET_ACCURACY: f64 = 0.01;
 /// What finding both onsets of a direction costs, in trials.
 pub const TRIALS_PER_ONSET: u64 = 6;
-
 
 /// A lever for the first guess of a torque where nothing touches the target \[m\].
 const LEVER: f64 = 0.03;

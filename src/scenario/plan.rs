@@ -186,8 +186,9 @@ impl Plan {
     /// [`Error::Field`].
     pub(super) fn check_timestep(&self) -> Result<(), Error> {
         let (step, duration) = (self.model.timestep(), self.timeline.duration);
-        let wrong =
-            |rule: String| Err(Field::new(&self.file, "model").wrong(format!("has <option timestep=\"{step}\"/>; {rule}")));
+        let wrong = |rule: String| {
+            Err(Field::new(&self.file, "model").wrong(format!("has <option timestep=\"{step}\"/>; {rule}")))
+        };
         if !(step.is_finite() && step > 0.0) {
             return wrong("a time step must be a finite number above 0 [s]".to_owned());
         }

@@ -12,11 +12,11 @@ use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use crate::output::{FAILURE, Output, complain, unwritten};
 use crate::progress::Progress;
-use crate::{leftovers, signals, summary, warnings};
+use crate::summary::{self, AtOnset, Report, ScaledPush};
+use crate::{leftovers, signals, warnings};
 
 /// `run SCENARIO`
 #[derive(Debug, clap::Args)]

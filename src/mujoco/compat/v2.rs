@@ -107,9 +107,7 @@ pub(in crate::mujoco) fn newer_advice(message: &str) -> &'static str {
     let unknown = ["unrecognized", "invalid keyword"].iter().any(|start| message.contains(start));
     let mut quoted = message.split('\'').skip(1).step_by(2);
     match unknown && quoted.any(|name| NEWER.contains(&name)) {
-        true => {
-            "; this needs MuJoCo 3: build with MUJOCO_DIR=$(scripts/mujoco3), or the folder of any MuJoCo 3 release"
-        }
+        true => "; this needs MuJoCo 3: build with MUJOCO_DIR=$(scripts/mujoco), or the folder of any MuJoCo 3 release",
         false => "",
     }
 }
