@@ -170,7 +170,9 @@ impl Hand {
         assert!(grasp.summary.latched_at_s.is_some_and(|t| t < from), "{figures}");
         assert!(grasp.latched >= self.latched && full.latched == 0.0, "{figures}");
         assert_eq!(grasp.engine_steps, 0, "who solves the contacts?\n{figures}");
-        assert!(grasp.one_step < 1e-5, "{figures}");
+        // 3e-5 where one contact of 0.5 N is left beside friction losses of 60 N m: what the solve's tolerance leaves. At most
+        // 1e-7 in all other steps.
+        assert!(grasp.one_step < 1e-4, "{figures}");
         assert!(agreement.relative_error.unwrap() < self.agreement.0, "{figures}");
         assert!(agreement.normal_force_relative_error.unwrap() < self.agreement.1, "{figures}");
     }
@@ -289,8 +291,8 @@ fn viperx_of_aloha() {
         circle: 0.0,
         open: vec![("vx300s_left/left_finger", 0.057), ("vx300s_left/right_finger", -0.057)],
         converges: false,
-        latched: 0.6,
-        // measured: 0.13 and 0.16; latched for 78 %: where a mesh leaves the box for a step, so does the grasp
+        latched: 0.99,
+        // measured: 0.15 and 0.15, of full without noslip, which creeps; a mesh leaves the box for a step or two, the grasp goes on
         agreement: (0.3, 0.3),
     }
     .holds_and_lets_go();

@@ -16,6 +16,7 @@ fn sample(time: f64) -> Sample {
         grasped: false,
         quality: 0.5,
         touching: true,
+        gripped: true,
         penetration: 0.0,
         slip: 0.0,
         step_ns: 1000,
@@ -217,7 +218,7 @@ fn shares_are_of_the_time_until_the_last_touch() {
     // Touched until 3 s after measuring starts, latched for the first two of them, and from before.
     let s = summary(|t, s| {
         s.grasped = (-0.5..1.995).contains(&t);
-        s.touching = t < 2.995;
+        s.gripped = t < 2.995;
     });
     assert!((s.latched_share.unwrap() - 2.0 / 3.0).abs() < 1e-9, "{:?}", s.latched_share);
     assert_eq!(s.substructured_share, Some(0.0));
@@ -230,7 +231,7 @@ fn shares_that_do_not_exist_are_null() {
     let never = summary(|_, _| ());
     assert_eq!((never.latched_share, never.substructured_share), (Some(0.0), None));
     assert!(never.changes.is_empty());
-    let untouched = summary(|_, s| s.touching = false);
+    let untouched = summary(|_, s| s.gripped = false);
     assert_eq!((untouched.latched_share, untouched.substructured_share), (None, None));
     // Latched before measuring only: nothing of the measured time.
     let before = summary(|t, s| s.grasped = t < -0.5);

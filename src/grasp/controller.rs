@@ -250,12 +250,14 @@ impl Grasp {
         self.is_touched() && self.gram.exceeds(self.latch_quality)
     }
 
-    /// Whether a latched grasp is worth keeping. With cones that is as long as anything of the hand presses on the target,
-    /// since nothing is gained by giving the contacts back; see [`GraspSpec::release_quality`].
+    /// Whether a latched grasp is worth keeping. With cones that is as long as anything below the palm presses on the target,
+    /// since nothing is gained by giving the contacts back; a target that an opened hand only has in its palm is not held.
+    /// See [`GraspSpec::release_quality`].
     fn has_hold(&self) -> bool {
         match self.limits {
             Limits::Cones => {
-                let grip: f64 = self.set.contacts().iter().map(GraspContact::normal_force).sum();
+                let grips = |c: &&GraspContact| c.link_id != self.palm || self.is_link[c.link];
+                let grip: f64 = self.set.contacts().iter().filter(grips).map(GraspContact::normal_force).sum();
                 grip > 0.0 && grip >= self.release_quality
             }
             Limits::Box | Limits::Rigid => self.is_touched() && self.gram.exceeds(self.release_quality),

@@ -43,8 +43,8 @@ pub struct GraspSpec {
     /// Quality at which the grasp latches, `Q_Th` \[N\]; `None`: from the target's weight.
     pub latch_quality: Option<f64>,
     /// What a latched grasp must keep not to be given up, `Q_M` \[N\]; `None`: from `Q_Th`. With [`Limits::Cones`] the sum of
-    /// the normal forces with which the hand presses on the target: the constraint is exact while contacts open, slide and
-    /// come back, so a hand that still works on its object keeps it, whatever the quality. With [`Limits::Box`] and
+    /// the normal forces with which all that is below the palm presses on the target: the constraint is exact while
+    /// contacts open, slide and come back, so a hand that still works on its object keeps it, whatever the quality. With [`Limits::Box`] and
     /// [`Limits::Rigid`], whose bounds mean little in a poor grasp, the thesis's quality itself.
     pub release_quality: Option<f64>,
     /// Simulated time for which the quality must be good, with contact, before the grasp latches, each time anew \[s\].

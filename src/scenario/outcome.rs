@@ -48,7 +48,8 @@ pub struct Summary {
     pub latched_at_s: Option<f64>,
     /// First release after it \[s\].
     pub released_at_s: Option<f64>,
-    /// Of the steps from `measure_from` to the hand's last touch of the target, those that were latched. `None` in full
+    /// Of the steps from `measure_from` to the last in which anything below the palm pressed on the target, those that were
+    /// latched. `None` in full
     /// mode, and when nothing touched.
     pub latched_share: Option<f64>,
     /// Of the latched ones among them, those with hand and object stepped apart from the arm (phase 2): none yet. `None`
@@ -155,7 +156,7 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
     let peak = window.iter().map(|s| Motion::between(start, s).offset.norm()).fold(0.0, f64::max);
     let offset = Motion::between(start, end).offset.norm();
     let lost = lost_at(trajectory, measure_from).is_some();
-    let touched = &window[..window.iter().rposition(|s| s.touching).map_or(0, |last| last + 1)];
+    let touched = &window[..window.iter().rposition(|s| s.gripped).map_or(0, |last| last + 1)];
     let latched = touched.iter().filter(|s| s.grasped).count();
     summary.latched_share = (!touched.is_empty()).then(|| latched as f64 / touched.len() as f64);
     summary.substructured_share = (latched > 0).then_some(0.0);

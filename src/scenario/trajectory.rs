@@ -22,6 +22,8 @@ pub struct Sample {
     pub quality: f64,
     /// Whether any geom of the palm or below it touches the target.
     pub touching: bool,
+    /// Something below the palm presses on it.
+    pub gripped: bool,
     /// Largest -dist between hand and target \[m\], 0 without contact.
     pub penetration: f64,
     /// Largest slip that any link has accumulated since `measure_from` \[m\]: the length of the integral of the tangential

@@ -61,9 +61,10 @@ impl Watch {
         let palm = pose(sim, self.palm);
         self.normal_forces.fill(0.0);
         self.velocities.fill(Vector3::zeros());
-        let (mut touching, mut penetration) = (false, 0.0_f64);
+        let (mut touching, mut gripped, mut penetration) = (false, false, 0.0_f64);
         for contact in grasp.contacts() {
             touching = true;
+            gripped |= contact.link_id != self.palm && contact.normal_force() > 0.0;
             penetration = penetration.max(-contact.parameters.dist);
             if let Some(link) = self.link_of[contact.link_id.index()] {
                 self.normal_forces[link] += contact.normal_force();
@@ -85,6 +86,7 @@ impl Watch {
             grasped: self.grasped,
             quality: grasp.quality(),
             touching,
+            gripped,
             penetration,
             slip: self.slip.iter().map(|s| s.norm()).fold(0.0, f64::max),
             step_ns: at.step_ns,
