@@ -23,6 +23,11 @@ use crate::grasp::hand::topology::Topology;
 /// one step is this fraction of the *change* of the friction force, and it is gone in the next.
 const RESISTANCE: f64 = 1e-3;
 
+/// Friction that changes in a step by more than this share of its limit, as where contacts open or close, is centred anew in
+/// the same step, so that no more than [`RESISTANCE`] times this is left of the error.
+const SMALL_CHANGE: f64 = 1e-2;
+const MAX_RECENTRINGS: usize = 3;
+
 /// The solver and its memory from step to step (warm start).
 #[derive(Clone, Debug)]
 pub struct GraspSolver {
@@ -105,7 +110,15 @@ impl GraspSolver {
         self.build(dynamics, topology, options, contacts, coupled);
         let main = self.arrow.solve(&mut self.main);
         self.fix_normals(contacts, coupled);
-        let noslip = self.arrow.solve(&mut self.noslip);
+        let mut noslip = self.arrow.solve(&mut self.noslip);
+        for _ in 0..MAX_RECENTRINGS {
+            if !self.recentre(coupled) {
+                break;
+            }
+            let again = self.arrow.solve(&mut self.noslip);
+            noslip.iterations += again.iterations;
+            noslip.converged &= again.converged;
+        }
         for (block, member) in self.order.iter().enumerate() {
             let response = self.arrow.response(block);
             let contact = match *member {
@@ -276,6 +289,38 @@ impl GraspSolver {
         let active_set = memory.map_or(ActiveSet::Stick, |m| m.active_sets[0]);
         self.arrow.add_block(soft.cost, active_set, &root_rows[..rows], &bias[..rows], &start[..rows]);
         self.order.push(Member::Contact(index));
+    }
+
+    /// Centres each friction cost at the force that it has come to; false, with nothing done, where that is a small change.
+    fn recentre(&mut self, coupled: &CoupledConstraints) -> bool {
+        // the rows of a weld have a softness of their own, and no centre
+        let gives = |member: &Member| matches!(*member, Member::Coupled(i) if coupled.list()[i].gives);
+        let changed = |(block, member): (usize, &Member)| {
+            let (cost, force) = (self.arrow.cost(block), &self.arrow.response(block).force);
+            let rows = self.arrow.residual(block).len() - first_governed(cost).unwrap_or(0);
+            !gives(member) && cost.change(&force[..rows]) > SMALL_CHANGE
+        };
+        if !self.order.iter().enumerate().any(changed) {
+            return false;
+        }
+        self.start.clear();
+        self.costs.clear();
+        for block in 0..self.order.len() {
+            let (cost, response) = (self.arrow.cost(block), self.arrow.response(block));
+            let mut start = [0.0; MAX_ROWS];
+            match cost {
+                Cost::Slip { .. } => start[1..].copy_from_slice(&response.force[..MAX_ROWS - 1]),
+                Cost::Still => {}
+                _ => start = response.force,
+            }
+            self.start.extend_from_slice(&start[..self.arrow.residual(block).len()]);
+            let cost = if gives(&self.order[block]) { *cost } else { cost.centred(&response.force) };
+            self.costs.push((cost, response.active_set));
+        }
+        self.kept.fill(0.0);
+        let costs = &self.costs;
+        self.arrow.continue_with(&self.kept, &self.start, |block| costs[block]);
+        true
     }
 
     /// Keeps the normal forces of the main pass and turns each block's cost into friction under them.

@@ -97,6 +97,16 @@ pub enum Bound {
     Box([f64; 5]),
 }
 
+impl Bound {
+    /// The normal force of an elliptic cone, the largest of a pyramid's pairs.
+    fn normal(&self) -> f64 {
+        match self {
+            Bound::Ellipsoid(normal) => *normal,
+            Bound::Box(normals) => normals.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
 /// Value of a cost at one residual. `hessian` is row-major with stride [`MAX_ROWS`].
 #[derive(Clone, Copy, Debug)]
 pub struct Response {
@@ -136,6 +146,31 @@ impl Cost {
     /// Friction within the box that the pairs of a pyramid's edges span; see [`Cost::Slip`].
     pub fn slip_box(centre: [f64; 5], resistance: f64, friction: [f64; 5], normals: [f64; 5]) -> Self {
         Cost::Slip { centre, resistance, friction, bound: Bound::Box(normals) }
+    }
+
+    /// How far `force` is from the centre of a friction cost, as a share of the friction limit; 0 for the other costs.
+    pub(in crate::grasp) fn change(&self, force: &[f64]) -> f64 {
+        let share = |change: f64, limit: f64| if limit > 0.0 { change.abs() / limit } else { 0.0 };
+        match self {
+            Cost::Slip { centre, friction, bound, .. } => {
+                let normal = |j: usize| if let Bound::Box(normals) = bound { normals[j] } else { bound.normal() };
+                let of = |j: usize| share(force[j] - centre[j], friction[j] * normal(j));
+                (0..force.len()).map(of).fold(0.0, f64::max)
+            }
+            Cost::Bounded { centre, limit, .. } if limit.is_finite() => share(force[0] - centre, *limit),
+            _ => 0.0,
+        }
+    }
+
+    /// The same friction cost, centred at `force`; other costs as they are.
+    pub(in crate::grasp) fn centred(&self, force: &[f64; MAX_ROWS]) -> Cost {
+        let mut cost = *self;
+        match &mut cost {
+            Cost::Slip { centre, .. } => centre.copy_from_slice(&force[..5]),
+            Cost::Bounded { centre, limit, .. } if limit.is_finite() => *centre = force[0],
+            _ => {}
+        }
+        cost
     }
 
     /// Evaluates the cost at the residual `jar` (one entry for each row that the cost governs).
