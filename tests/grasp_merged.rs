@@ -1,4 +1,4 @@
-//! Form 2: the weld with the merged effectors, with the thesis's bounds ("box") and without ("rigid").
+//! The weld with the merged effectors, with the thesis's bounds ("box") and without ("rigid").
 
 #[path = "common/claw.rs"]
 mod claw;
@@ -117,7 +117,7 @@ fn follows_the_engine_while_all_contacts_stick() {
 }
 
 /// 12 N along the fingers: the contacts slide and the ball is lost, with a weld it is not; and with bounds it is lost at
-/// 9 N already, which the contacts hold (design note: "it slips too early").
+/// 9 N already, which the contacts hold.
 #[test]
 fn box_slips_at_its_bound_and_rigid_never_does() {
     let push = |limits, force: f64| {

@@ -1,7 +1,7 @@
 //! The state of a grasp, to save and restore.
 //!
 //! It holds what the next step depends on and cannot be computed anew: the phase machine, and while latched the forces and
-//! cone active_sets of the last step, from which contacts, other constraints and the two passes of the solve start. What finds
+//! active sets of the last step, from which contacts, other constraints and the two passes of the solve start. What finds
 //! contacts is left out: a step that skips MuJoCo's collision stage has the same contacts as one that does not (see
 //! [`super::monitor::detector`]), so when the stage is skipped cannot be seen in the result.
 

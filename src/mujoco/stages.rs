@@ -162,6 +162,7 @@ impl Simulation {
     /// As [`step`](Self::step); [`Error::Unsupported`] for a model with islands or sleeping, or an integrator whose step
     /// cannot be taken apart.
     pub fn step_in_stages(&mut self) -> Result<(), Error> {
+        self.check_staged_integrator()?;
         if self.model().has_islands() || self.model().has_sleeping() {
             return Err(Error::Unsupported("a step in stages needs islands and sleeping switched off".into()));
         }

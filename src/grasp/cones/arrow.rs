@@ -178,7 +178,7 @@ impl Arrow {
     }
 
     /// Goes on to the next problem on the same rows: what stands of the solution so far (`kept`, one force for each
-    /// row) becomes a part of the bias, each block gets a new cost and expected active_set, and the solve starts at the forces
+    /// row) becomes a part of the bias, each block gets a new cost and expected active set, and the solve starts at the forces
     /// `start`.
     pub fn continue_with(&mut self, kept: &[f64], start: &[f64], mut recost: impl FnMut(usize) -> (Cost, ActiveSet)) {
         let mut moved = [0.0; ROOT];

@@ -12,7 +12,7 @@ pub use crate::grasp::linalg::Spatial;
 use crate::mujoco::MassFactor;
 use nalgebra::{Matrix6, Vector3};
 
-/// Largest negative or zero pivot, relative to the largest diagonal, that counts as a direction without inverse_inertia.
+/// Largest negative or zero pivot, relative to the largest diagonal, that counts as a direction without inverse inertia.
 const RANK_TOLERANCE: f64 = 1e-12;
 
 /// What is left of a row, relative to what it was, and is nothing but rounding: all that a finger does to a long arm it does
@@ -188,7 +188,7 @@ impl BodyInverseInertia {
     }
 }
 
-/// Lower factor of a positive semidefinite matrix; directions without inverse_inertia give zero columns.
+/// Lower factor of a positive semidefinite matrix; directions without inverse inertia give zero columns.
 fn semidefinite_factor(a: &Matrix6<f64>) -> Matrix6<f64> {
     let floor = RANK_TOLERANCE * a.diagonal().max();
     let mut l = Matrix6::zeros();
@@ -293,7 +293,7 @@ impl FingerInverseInertia {
     }
 
     /// The row of a unit wrench on the link whose last joint is `leaf`: one whitened entry for each joint of the finger,
-    /// the square of whose norm is the row's inverse_inertia. Returns the wrench on the palm when the joints give way.
+    /// the square of whose norm is the row's inverse inertia. Returns the wrench on the palm when the joints give way.
     pub fn row(&self, dynamics: &Dynamics<'_>, leaf: usize, wrench: &Spatial, whitened: &mut [f64]) -> Spatial {
         whitened.fill(0.0);
         let mut palm = *wrench;

@@ -33,7 +33,7 @@ pub enum ActiveSet {
 }
 
 impl ActiveSet {
-    /// True where the force is an affine function of the residual as long as the active_set stays the same.
+    /// True where the force is an affine function of the residual as long as the active set stays the same.
     pub fn is_affine(self) -> bool {
         self != ActiveSet::Slide
     }
@@ -148,6 +148,16 @@ impl Cost {
         Cost::Slip { centre, resistance, friction, bound: Bound::Box(normals) }
     }
 
+    /// First row that a cost of the friction pass governs; the rows before it, or all (`None`), keep the force of the first
+    /// pass.
+    pub(in crate::grasp) fn first_friction_row(&self) -> Option<usize> {
+        match self {
+            Cost::Slip { .. } => Some(1),
+            Cost::Bounded { .. } => Some(0),
+            _ => None,
+        }
+    }
+
     /// How far `force` is from the centre of a friction cost, as a share of the friction limit; 0 for the other costs.
     pub(in crate::grasp) fn change(&self, force: &[f64]) -> f64 {
         let share = |change: f64, limit: f64| if limit > 0.0 { change.abs() / limit } else { 0.0 };
@@ -201,7 +211,7 @@ impl Cost {
 }
 
 impl Cost {
-    /// The force if the contact stays in `active_set`: on an affine active_set the cost's affine piece, continued beyond the active_set;
+    /// The force if the contact stays in `active_set`: on an affine active set the cost's affine piece, continued beyond the active set;
     /// elsewhere the cost itself. A guess to start from: `cost` is not set.
     pub fn respond_in(&self, jar: &[f64], active_set: ActiveSet, out: &mut Response) {
         out.clear(jar.len());

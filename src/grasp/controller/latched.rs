@@ -62,7 +62,7 @@ impl Grasp {
     }
 
     /// Wrench across a merged grasp in the last step: on the target, about its centre of mass, in the grasp's axes,
-    /// `[force; torque]`; `None` for form 1 and while not grasped.
+    /// `[force; torque]`; `None` with cones and while not grasped.
     pub fn merged_wrench(&self) -> Option<Vector6<f64>> {
         let (_, merged) = self.merged.as_ref().filter(|_| self.is_merged())?;
         Some(merged.wrench())

@@ -337,7 +337,7 @@ mod tests {
             }
         }
         let oracle = a.lu().solve(&b).unwrap();
-        // form 2: lambda = K (ubar - a), Mo (a - a0) = lambda
+        // lambda = K (ubar - a), Mo (a - a0) = lambda
         let k = *merged.impedance();
         let target = (inertia + k).lu().solve(&(inertia * smooth + k * merged.merge(&u))).unwrap();
         let lambda = k * (merged.merge(&u) - target);

@@ -1,4 +1,4 @@
-//! Form 2 of the grasp constraint: a weld between the target and the merged effectors, with or without bounds.
+//! The forms "box" and "rigid": a weld between the target and the merged effectors, with or without bounds.
 //!
 //! Each contact follows MuJoCo's own law with its rows kept bilateral, `J a + R f = aref`: the normal with its spring
 //! and softness; friction held without softness, by a small resistance to the *change* of its force. MergedHand, the

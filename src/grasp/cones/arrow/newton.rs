@@ -130,7 +130,7 @@ impl Arrow {
         linalg::axpy(length, &self.slope, &mut self.jar);
     }
 
-    /// Evaluates every cost; returns the summed cost and whether all active_sets are those of before and affine.
+    /// Evaluates every cost; returns the summed cost and whether all active sets are those of before and affine.
     fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
         for b in &mut self.blocks {

@@ -55,7 +55,7 @@ impl CoupledConstraints {
         &self.foreign
     }
 
-    /// Guest `number`, for the solver.
+    /// Foreign contact `number`, for the solver.
     pub fn foreign_mut(&mut self, number: usize) -> &mut GraspContact {
         &mut self.foreign[number]
     }

@@ -13,7 +13,7 @@ pub(in crate::grasp) struct SavedConstraint {
 }
 
 impl CoupledConstraints {
-    /// What the next step remembers, into `out`. Guests are not in it: the grasp whose contacts they are remembers them.
+    /// What the next step remembers, into `out`. Contacts of other grasps are not in it: the grasp whose contacts they are remembers them.
     pub(in crate::grasp) fn save_into(&self, out: &mut Vec<SavedConstraint>) {
         out.clear();
         out.extend(self.list.iter().filter(|n| n.foreign().is_none()).map(|n| SavedConstraint {
