@@ -20,11 +20,11 @@
 //!
 //! Once latched, the contacts between hand and target are *one* problem in the target's six accelerations and the palm's
 //! few: MuJoCo's own convex contact problem, with the same softness `R`, the same reference accelerations and the same
-//! friction cones ([`grasp::softness`], [`grasp::cone`]). Each finger touches nothing but its own joints and the root,
+//! friction cones ([`grasp::contact::softness`], [`grasp::contact::cost`]). Each finger touches nothing but its own joints and the root,
 //! so its joints are eliminated exactly by a Cholesky factor of their own few rows, and what Newton's method factors does
-//! not grow with the number of contacts ([`grasp::arrow`]). A second, converged pass then holds what friction can hold
+//! not grow with the number of contacts ([`grasp::cones::arrow`]). A second, converged pass then holds what friction can hold
 //! without MuJoCo's creep, as its noslip pass does by sweeps: a proximal step around the friction of the last step
-//! (`grasp/solve.rs`). Contacts are found anew in every step, so they roll, appear and open while grasped.
+//! (`grasp/cones/solve.rs`). Contacts are found anew in every step, so they roll, appear and open while grasped.
 //!
 //! That is [`grasp::Limits::Cones`], the default. [`grasp::Limits::Box`] is the thesis's Eqs. 4.1 to 4.3, one bound per
 //! axis of a weld with the merged fingertips, and [`grasp::Limits::Rigid`] a plain weld: both for comparison.
@@ -36,7 +36,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`mujoco`] | safe binding to MuJoCo 2.2.2 and 3: models, simulations, stages, contacts, rows, pictures |
-//! | [`grasp`] | contacts, quality, phases and the constraint; [`grasp::step`] in place of [`mujoco::Simulation::step`] |
+//! | [`grasp`] | contacts, quality, phases and the constraint; [`grasp::Grasps::step`] in place of [`mujoco::Simulation::step`] |
 //! | [`kinematics`] | fingertips to goals, by damped least squares |
 //! | [`scenario`] | scenario files, runs in both modes, what became of the object, benches |
 //! | [`report`] | plots, strips of frames, tables |

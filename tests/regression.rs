@@ -98,7 +98,10 @@ fn follows_until(end: f64, scenario: &str, push: &str, motion: f64, force: f64, 
 
 #[test]
 fn clutch_pushed_into_the_palm() {
-    follows("clutch", "fp1", 1e-6, 1e-3, 170);
+    // With 3.17.0 the thumb's contact, which opens and closes every few steps from 5 s on, does so in other steps than in full:
+    // 20 um of 24 mm.
+    let (motion, force) = if cfg!(mujoco3) { (3e-5, 0.06) } else { (1e-6, 1e-3) };
+    follows("clutch", "fp1", motion, force, 170);
 }
 
 #[test]
@@ -115,7 +118,8 @@ fn pinch_pushed_along_the_glass() {
 
 #[test]
 fn pinch_pushed_down() {
-    follows("pinch", "fp2", 1e-6, 1e-3, 20);
+    // 2.4 um with 3.17.0, as the phone turns out of the fingers
+    follows("pinch", "fp2", if cfg!(mujoco3) { 4e-6 } else { 1e-6 }, 1e-3, 20);
 }
 
 #[test]
@@ -144,7 +148,9 @@ fn two_hands_twisted() {
 /// micrometre then, and two full solves part, too (of 3.17.0 with 200 and 1000 noslip iterations, by 4.5 mm at 4.9 s).
 #[test]
 fn two_hands_pulled_along_the_baton() {
-    follows_until(4.845, "two-hands", "pull", 8e-6, 5e-3, 18);
+    // pulled out, the baton bounces on the fingers of both hands; 14 um by then with 3.17.0
+    let (motion, force) = if cfg!(mujoco3) { (2e-5, 0.02) } else { (8e-6, 5e-3) };
+    follows_until(4.845, "two-hands", "pull", motion, force, 18);
 }
 
 #[test]

@@ -83,12 +83,12 @@ impl CompiledModel {
 
     /// Whether constraints are solved island by island (MuJoCo 3, unless the `island` flag disables it).
     pub fn has_islands(&self) -> bool {
-        compat::ISLAND != 0 && self.disable_flags() & compat::ISLAND == 0
+        compat::ISLAND.is_some_and(|flag| self.disable_flags() & flag == 0)
     }
 
     /// Whether parts of the model that are at rest may sleep (MuJoCo 3, if the `sleep` flag enables it).
     pub fn has_sleeping(&self) -> bool {
-        self.enable_flags() & compat::SLEEP != 0
+        compat::SLEEP.is_some_and(|flag| self.enable_flags() & flag != 0)
     }
 
     /// Whether gravity is switched on.
@@ -261,8 +261,8 @@ impl Simulation {
     pub(crate) fn without_islands<R>(&mut self, work: impl FnOnce(&mut Self) -> R) -> R {
         let options = self.options_mut();
         let flags = (options.disableflags, options.enableflags);
-        options.disableflags |= compat::ISLAND as i32;
-        options.enableflags &= !(compat::SLEEP as i32);
+        options.disableflags |= compat::ISLAND.unwrap_or(0) as i32;
+        options.enableflags &= !(compat::SLEEP.unwrap_or(0) as i32);
         let result = work(self);
         let options = self.options_mut();
         (options.disableflags, options.enableflags) = flags;

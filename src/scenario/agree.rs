@@ -70,7 +70,7 @@ pub struct Trial {
     pub grasp: Ending,
     /// Both, compared.
     pub compare: Comparison,
-    /// Where the outcomes differ: whether full mode itself has another one with [`STRICTER`] times the noslip iterations.
+    /// Where the outcomes differ: whether full mode itself has another one with [`STRICTER`](super::checkpoint::STRICTER) times the noslip iterations.
     /// `None` where they do not, and without any noslip iterations.
     pub chaotic: Option<bool>,
 }

@@ -27,8 +27,8 @@ pub(in crate::mujoco) mod later {
 }
 
 /// The flags of constraint islands and of sleeping: this version has neither.
-pub(in crate::mujoco) const ISLAND: u32 = 0;
-pub(in crate::mujoco) const SLEEP: u32 = 0;
+pub(in crate::mujoco) const ISLAND: Option<u32> = None;
+pub(in crate::mujoco) const SLEEP: Option<u32> = None;
 
 /// Whether the engine has an integrator, of those that the crate knows.
 pub(in crate::mujoco) fn has_integrator(number: i32) -> bool {

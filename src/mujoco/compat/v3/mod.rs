@@ -29,13 +29,13 @@ pub(in crate::mujoco) use ffi::mj_implicit;
 pub(in crate::mujoco) mod later {}
 
 /// The disable flag of constraint islands.
-pub(in crate::mujoco) const ISLAND: u32 = ffi::mjDSBL_ISLAND;
+pub(in crate::mujoco) const ISLAND: Option<u32> = Some(ffi::mjDSBL_ISLAND);
 
-/// The enable flag of sleeping; 0 where nothing sleeps.
+/// The enable flag of sleeping; none where nothing sleeps.
 #[cfg(mj_sleep)]
-pub(in crate::mujoco) const SLEEP: u32 = ffi::mjENBL_SLEEP;
+pub(in crate::mujoco) const SLEEP: Option<u32> = Some(ffi::mjENBL_SLEEP);
 #[cfg(not(mj_sleep))]
-pub(in crate::mujoco) const SLEEP: u32 = 0;
+pub(in crate::mujoco) const SLEEP: Option<u32> = None;
 
 /// Whether the engine has an integrator, of those that the crate knows.
 pub(in crate::mujoco) fn has_integrator(_number: i32) -> bool {
