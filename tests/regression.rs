@@ -148,8 +148,9 @@ fn two_hands_twisted() {
 /// micrometre then, and two full solves part, too (of 3.17.0 with 200 and 1000 noslip iterations, by 4.5 mm at 4.9 s).
 #[test]
 fn two_hands_pulled_along_the_baton() {
-    // pulled out, the baton bounces on the fingers of both hands; 14 um by then with 3.17.0
-    let (motion, force) = if cfg!(mujoco3) { (2e-5, 0.02) } else { (8e-6, 5e-3) };
+    // Pulled out, the baton bounces on the fingers of both hands. With 3.17.0 and 4.0.1 it is 14 um by then, and at one instant
+    // a contact is there in one mode only: 13 % of the normal forces.
+    let (motion, force) = if cfg!(mujoco3) { (2e-5, 0.25) } else { (8e-6, 5e-3) };
     follows_until(4.845, "two-hands", "pull", motion, force, 18);
 }
 
