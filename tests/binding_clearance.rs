@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use mujoco_grasp::mujoco::{Clearance, GeomId, Model, PairCollider, Simulation};
+use mujoco_grasp::mujoco::{Clearance, Error, GeomId, Model, PairCollider, Simulation};
 
 #[path = "common/random.rs"]
 mod random;
@@ -32,7 +32,7 @@ struct Watch {
 impl Watch {
     fn new(sim: &Simulation, first: &[GeomId], second: &[GeomId]) -> Self {
         let collider = PairCollider::new(sim, first, second).unwrap();
-        Self { clearance: Clearance::new(sim, &collider), collider, tally: Tally::default() }
+        Self { clearance: Clearance::new(sim, &collider).unwrap(), collider, tally: Tally::default() }
     }
 
     /// Compares with the engine at the present configuration.
@@ -239,7 +239,7 @@ fn contacts_that_are_switched_off_need_no_distance() {
     let mut sim =
         simulation("<mujoco><worldbody><geom size='1'/><body><freejoint/><geom size='1'/></body></worldbody></mujoco>");
     let collider = PairCollider::new(&sim, &[], &[]).unwrap();
-    let mut clearance = Clearance::new(&sim, &collider);
+    let mut clearance = Clearance::new(&sim, &collider).unwrap();
     sim.kinematics().unwrap();
     assert!(!clearance.certifies(&sim).unwrap());
     sim.set_contacts_enabled(false);
@@ -269,11 +269,14 @@ fn the_colliders_pairs_do_not_count_and_another_model_is_an_error() {
     let (hand, ball) = robot::hand_and_ball(&sim);
     let with = PairCollider::new(&sim, &hand, &ball).unwrap();
     let without = PairCollider::new(&sim, &[], &ball).unwrap();
-    assert!(Clearance::new(&sim, &with).certifies(&sim).unwrap());
-    let mut clearance = Clearance::new(&sim, &without);
+    assert!(Clearance::new(&sim, &with).unwrap().certifies(&sim).unwrap());
+    let mut clearance = Clearance::new(&sim, &without).unwrap();
     assert!(!clearance.certifies(&sim).unwrap());
-    let other = simulation("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>");
-    assert!(clearance.certifies(&other).is_err());
+    // as many geoms, fewer bodies
+    let geoms = "<geom size='1'/>".repeat(sim.model().ngeom());
+    let other = simulation(&format!("<mujoco><worldbody>{geoms}</worldbody></mujoco>"));
+    assert!(matches!(clearance.certifies(&other), Err(Error::OtherModel { .. })));
+    assert!(matches!(Clearance::new(&other, &with), Err(Error::OtherModel { .. })));
 }
 
 /// Times of both calls, ns, sorted, along steps with random velocities up to `speed` (rad/s and m/s).
@@ -281,7 +284,7 @@ fn times(speed: f64) -> [Vec<f64>; 2] {
     let mut sim = simulation(&robot::robot(r#"<option gravity="0 0 0"/>"#));
     let (hand, ball) = robot::hand_and_ball(&sim);
     let collider = PairCollider::new(&sim, &hand, &ball).unwrap();
-    let mut clearance = Clearance::new(&sim, &collider);
+    let mut clearance = Clearance::new(&sim, &collider).unwrap();
     let mut random = Random(7);
     let mut times = [vec![], vec![]];
     for step in 0..4000 {
@@ -308,7 +311,7 @@ fn the_cost_of_certainty_is_printed() {
     sim.kinematics().unwrap();
     let (hand, ball) = robot::hand_and_ball(&sim);
     let collider = PairCollider::new(&sim, &hand, &ball).unwrap();
-    let mut clearance = Clearance::new(&sim, &collider);
+    let mut clearance = Clearance::new(&sim, &collider).unwrap();
     let mut batches: Vec<f64> = (0..300)
         .map(|_| {
             let start = Instant::now();

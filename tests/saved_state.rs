@@ -155,7 +155,9 @@ fn a_collision_stage_left_out_or_not_gives_the_same_bits() {
     let bystander = claw.sim.model().nv() - 1;
     claw.run(0.2);
     let (hand, target) = geoms(&claw.sim);
-    let watch = |sim: &Simulation| Clearance::new(sim, &PairCollider::new(sim, &hand, &target).expect("a collider"));
+    let watch = |sim: &Simulation| {
+        Clearance::new(sim, &PairCollider::new(sim, &hand, &target).expect("a collider")).expect("of one model")
+    };
     // as in the grasp, from the step on in which it latched
     let mut going_on = watch(&claw.sim);
     let mut decisions = [[0; 2]; 2];

@@ -140,8 +140,8 @@ impl Grasps {
     /// Finds the contacts of all latched grasps in the place of the engine's collision stage; false if the engine has to look
     /// itself, because something else might touch something.
     fn detect_alone(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
-        let latched = self.list.iter().filter(|g| g.phase() == Phase::Grasped);
-        let alone = self.detector.replaces_collision(sim, latched.map(Grasp::topology))?;
+        let latched = self.list.iter().enumerate().filter(|(_, grasp)| grasp.phase() == Phase::Grasped);
+        let alone = self.detector.replaces_collision(sim, latched.map(|(number, grasp)| (number, grasp.topology())))?;
         if alone {
             for grasp in self.list.iter_mut().filter(|g| g.phase() == Phase::Grasped) {
                 grasp.read_found(sim, self.detector.found())?;

@@ -15,8 +15,9 @@ use crate::mujoco::{self, Clearance, Contact, GeomId, PairCollider, Simulation};
 /// Collision detection for the grasps that are latched together.
 #[derive(Debug, Clone, Default)]
 pub(in crate::grasp) struct Detector {
-    /// Hands and targets that `direct` was made for.
-    grasps: Vec<Topology>,
+    /// Model and latched grasps (by their numbers) that `direct` was made for.
+    origin: u64,
+    latched: Vec<usize>,
     /// Not in all versions of the engine, nor for all kinds of contacts.
     direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
@@ -24,8 +25,8 @@ pub(in crate::grasp) struct Detector {
 
 impl Detector {
     /// For all geoms of hands and targets.
-    fn new<'a>(sim: &Simulation, grasps: impl Iterator<Item = &'a Topology>) -> Result<Self, Error> {
-        let grasps: Vec<Topology> = grasps.cloned().collect();
+    fn new<'a>(sim: &Simulation, grasps: impl Iterator<Item = (usize, &'a Topology)>) -> Result<Self, Error> {
+        let (latched, grasps): (Vec<_>, Vec<_>) = grasps.unzip();
         let bodies = sim.model().geom_bodyid();
         let geoms = |belongs: &dyn Fn(usize) -> bool| -> Vec<GeomId> {
             (0..bodies.len()).filter(|&g| belongs(bodies[g] as usize)).map(GeomId::from_index).collect()
@@ -35,13 +36,13 @@ impl Detector {
         let sets: Vec<_> = sets.iter().map(|[hand, target]| [hand.as_slice(), target.as_slice()]).collect();
         let direct = match PairCollider::of_sets(sim, &sets) {
             Ok(collider) => {
-                let clearance = Clearance::new(sim, &collider);
+                let clearance = Clearance::new(sim, &collider)?;
                 Some((collider, clearance))
             }
             Err(mujoco::Error::Unsupported(_)) => None,
             Err(other) => return Err(other.into()),
         };
-        Ok(Detector { grasps, direct, found: Vec::new() })
+        Ok(Detector { origin: sim.model().origin(), latched, direct, found: Vec::new() })
     }
 
     /// Takes the place of the engine's collision stage if nothing can touch but the hands and targets of `grasps`, each
@@ -49,9 +50,10 @@ impl Detector {
     pub(in crate::grasp) fn replaces_collision<'a>(
         &mut self,
         sim: &mut Simulation,
-        grasps: impl Iterator<Item = &'a Topology> + Clone,
+        grasps: impl Iterator<Item = (usize, &'a Topology)> + Clone,
     ) -> Result<bool, Error> {
-        if !grasps.clone().eq(&self.grasps) {
+        let latched = grasps.clone().map(|(id, _)| id);
+        if self.origin != sim.model().origin() || !latched.eq(self.latched.iter().copied()) {
             *self = Self::new(sim, grasps)?;
         }
         let Some((collider, clearance)) = &mut self.direct else {
@@ -116,7 +118,7 @@ mod tests {
     /// Whether the stage is replaced within the calls for which the answer may stay "no"; if so, by what it finds.
     fn replaced(detector: &mut Detector, sim: &mut Simulation, grasps: &[Topology]) -> bool {
         sim.kinematics().unwrap();
-        let replaced = (0..30).any(|_| detector.replaces_collision(sim, grasps.iter()).unwrap());
+        let replaced = (0..30).any(|_| detector.replaces_collision(sim, grasps.iter().enumerate()).unwrap());
         if replaced {
             let found: Vec<Contact> = sim.contacts().map(|contact| Contact { excluded: false, ..contact }).collect();
             sim.collision().unwrap();

@@ -7,7 +7,7 @@ use super::distances::{Proximity, is_fixed};
 use super::narrow_phase::PairCollider;
 use super::pairs::{TestedPair, detects};
 use super::travel::{Ledger, NotANumber};
-use crate::mujoco::error::{Error, check_length};
+use crate::mujoco::error::Error;
 use crate::mujoco::simulation::Simulation;
 
 /// Calls for which the answer stays "no" after something was found near.
@@ -32,12 +32,16 @@ pub struct Clearance {
     blocked: Option<usize>,
     /// Calls to answer with "no".
     rest: u32,
-    ngeom: usize,
+    /// Of the model.
+    origin: u64,
 }
 
 impl Clearance {
-    /// For all geom pairs that collision detection tests, but those of `collider`, which must be of the same model.
-    pub fn new(sim: &Simulation, collider: &PairCollider) -> Self {
+    /// For all geom pairs that collision detection tests, but those of `collider`.
+    ///
+    /// Fails for a collider of another model.
+    pub fn new(sim: &Simulation, collider: &PairCollider) -> Result<Self, Error> {
+        collider.check_model(sim)?;
         let proximity = Proximity::new(sim, &collider.pairs);
         let hand = hand(sim, &collider.pairs).filter(|&hand| !is_fixed(sim, hand));
         let held = |body: usize| {
@@ -45,16 +49,18 @@ impl Clearance {
             hand.is_some_and(|hand| is_below(sim, body, hand)) || known()
         };
         let hand = hand.map(|hand| (hand, (0..sim.model().nbody()).map(held).collect()));
-        Self { ledger: Ledger::new(&proximity, hand), proximity, blocked: None, rest: 0, ngeom: sim.model().ngeom() }
+        let origin = sim.model().origin();
+        Ok(Self { ledger: Ledger::new(&proximity, hand), proximity, blocked: None, rest: 0, origin })
     }
 
     /// Whether [`Simulation::collision`] would find no contact but the collider's, at the present poses (see
-    /// [`Simulation::kinematics`]). `sim` must be a simulation of the model that this was made for, in any state.
-    /// Allocates nothing.
+    /// [`Simulation::kinematics`]), in any state. Allocates nothing.
     ///
-    /// Fails if the model has another number of geoms.
+    /// Fails for a simulation of another model.
     pub fn certifies(&mut self, sim: &Simulation) -> Result<bool, Error> {
-        check_length("the model's list of geoms", self.ngeom, sim.model().ngeom())?;
+        if sim.model().origin() != self.origin {
+            return Err(Error::OtherModel { what: "a clearance" });
+        }
         if !detects(sim) {
             return Ok(true);
         }

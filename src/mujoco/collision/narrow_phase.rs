@@ -7,7 +7,7 @@ use super::pairs::{TestedPair, detects, tested_pairs};
 use super::parameters::ContactParameters;
 use crate::mujoco::compat;
 use crate::mujoco::contact::Contact;
-use crate::mujoco::error::{Error, check_index, check_length};
+use crate::mujoco::error::{Error, check_index};
 use crate::mujoco::ffi;
 use crate::mujoco::ids::{BodyId, GeomId, Id};
 use crate::mujoco::simulation::Simulation;
@@ -32,8 +32,8 @@ pub struct PairCollider {
     parameters: Vec<ContactParameters>,
     /// What the engine writes a pair's contacts to.
     buffer: Buffer,
-    ngeom: usize,
-    npair: usize,
+    /// Of the model, see [`CompiledModel::origin`](crate::mujoco::CompiledModel::origin).
+    pub(super) origin: u64,
     /// The engine may test a pair twice.
     twice: bool,
 }
@@ -122,8 +122,7 @@ impl PairCollider {
         let probes =
             pairs.iter().zip(&parameters).map(|(pair, parameters)| Probe::new(sim, pair, parameters.reach)).collect();
         let twice = compat::REPEATS_PLANES && any_plane(sim, &pairs);
-        let (ngeom, npair) = (model.ngeom(), model.npair());
-        Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), ngeom, npair, twice })
+        Ok(Self { pairs, probes, parameters, buffer: Buffer::new(), origin: model.origin(), twice })
     }
 
     /// Whether this version of the engine lets its narrow phase be called alone (2.2.2 does, and 3.9 and later do).
@@ -143,21 +142,19 @@ impl PairCollider {
     }
 
     /// Replaces `out` by the contacts of the present poses (see [`Simulation::kinematics`]); allocates nothing once
-    /// `out` is large enough. `sim` must be a simulation of the model that the collider was made for: its poses and its
-    /// friction are used, the other parameters are those of [`new`](Self::new).
+    /// `out` is large enough. Poses and friction are those of `sim`, the other parameters are those of [`new`](Self::new).
     ///
-    /// Fails, with an empty `out`, if the model has another number of geoms or pairs, or on an engine fault.
+    /// Fails, with an empty `out`, for a simulation of another model or on an engine fault.
     pub fn collide(&mut self, sim: &Simulation, out: &mut Vec<Contact>) -> Result<(), Error> {
         out.clear();
-        check_length("the model's list of geoms", self.ngeom, sim.model().ngeom())?;
-        check_length("the model's list of pairs", self.npair, sim.model().npair())?;
+        self.check_model(sim)?;
         if !detects(sim) {
             return Ok(());
         }
         let buffer = &mut self.buffer;
         let result = sim.query(NAME, |m, d| {
             for (i, probe) in self.probes.iter().enumerate() {
-                // SAFETY: the data has as many geoms as the model that the probe was made for.
+                // SAFETY: the data is of the model that the probe was made for.
                 if unsafe { probe.may_touch(d) } {
                     let (pair, parameters) = (&self.pairs[i], &self.parameters[i]);
                     // SAFETY: model and data belong together, and have the pair's geoms.
@@ -176,6 +173,11 @@ impl PairCollider {
             out.clear();
         }
         result
+    }
+
+    /// That `sim` is of the model that this was made for.
+    pub(super) fn check_model(&self, sim: &Simulation) -> Result<(), Error> {
+        if sim.model().origin() == self.origin { Ok(()) } else { Err(Error::OtherModel { what: "a pair collider" }) }
     }
 
     /// Whether it is certain that the engine's collision stage would put exactly these contacts of this collider into its
