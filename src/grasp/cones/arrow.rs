@@ -14,7 +14,7 @@
 mod newton;
 
 use crate::grasp::contact::cost::{ActiveSet, Cost, Response};
-use crate::grasp::linalg;
+use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
 
 /// Unknowns of the root: the palm's six and the target's six.
 pub const ROOT: usize = 12;
@@ -33,6 +33,7 @@ pub struct Status {
 /// One contact (or scalar row): a cost on some rows of one branch and the root.
 #[derive(Clone, Copy, Debug)]
 struct Block {
+    branch: usize,
     rows: usize,
     /// First row, in the arrays that hold one entry per row.
     row0: usize,
@@ -48,12 +49,14 @@ struct Branch {
     rows: usize,
     /// Unknowns of its own: the joints, or as many combinations of them as there are rows.
     width: usize,
-    /// First of them, in the arrays that hold one entry for each.
-    own0: usize,
-    /// Offset of `X`, rows x width.
-    x0: usize,
-    /// Offset of the factor, width x width.
-    square0: usize,
+    /// Length of `[root; own]`, filled up with zeros to a multiple of [`LANES`](linalg::LANES).
+    stride: usize,
+    /// Offset of `[Y X]`, one row of `stride` for each of the branch's.
+    matrix: usize,
+    /// Offset in the arrays that hold `[root; own]` of each branch.
+    local: usize,
+    /// Offset of its own rows of the Hessian, `width` of `stride`.
+    square: usize,
 }
 
 /// The problem and its workspace; buffers are kept from step to step, so that a warm solve allocates nothing.
@@ -61,27 +64,30 @@ struct Branch {
 pub struct Arrow {
     branches: Vec<Branch>,
     blocks: Vec<Block>,
-    /// `Y`
+    /// `Y` of the branch that is being made.
     root_rows: Vec<RootVector>,
-    /// `X` of each branch, row-major.
-    own_rows: Vec<f64>,
+    /// `[Y X]` of each branch, row-major.
+    matrix: Vec<f64>,
     bias: Vec<f64>,
     /// Forces from which `w` starts.
     start: Vec<f64>,
-    /// `w`
-    own: Vec<f64>,
     /// `f`, what the costs answer.
     forces: Vec<f64>,
     jar: Vec<f64>,
     /// Change of `jar` along the Newton step.
     slope: Vec<f64>,
-    own_gradient: Vec<f64>,
-    own_step: Vec<f64>,
-    /// `C X` of each branch, `C` the costs' second derivative.
-    stiff_rows: Vec<f64>,
-    /// Factor (or, of small ones, inverse) of `I + X' C X` of each branch.
-    factors: Vec<f64>,
-    scratch: Vec<f64>,
+    /// `[z; w]` of each branch.
+    point: Vec<f64>,
+    /// Its gradient; the root's part is what the branch adds to it.
+    gradient: Vec<f64>,
+    /// The Newton step.
+    step: Vec<f64>,
+    /// Own rows of each branch's Hessian, then of its unit lower factor.
+    square: Vec<f64>,
+    /// Inverse pivots, in the places of `point`.
+    pivots: Vec<f64>,
+    /// Rows of one block times its cost's second derivative.
+    stiff: Vec<f64>,
 }
 
 impl Arrow {
@@ -89,25 +95,25 @@ impl Arrow {
     pub fn begin(&mut self) {
         self.branches.clear();
         self.blocks.clear();
-        self.root_rows.clear();
-        self.own_rows.clear();
+        self.matrix.clear();
         self.bias.clear();
         self.start.clear();
-        self.own.clear();
-        self.factors.clear();
+        self.point.clear();
     }
 
     /// Starts a branch: blocks added from now on share its joints.
     pub fn begin_branch(&mut self) {
         let block = self.blocks.len();
+        self.root_rows.clear();
         self.branches.push(Branch {
             blocks: (block, block),
             row0: self.bias.len(),
             rows: 0,
             width: 0,
-            own0: self.own.len(),
-            x0: self.own_rows.len(),
-            square0: self.factors.len(),
+            stride: ROOT,
+            matrix: self.matrix.len(),
+            local: self.point.len(),
+            square: self.branches.last().map_or(0, |b| b.square + b.width * b.stride),
         });
     }
 
@@ -123,7 +129,8 @@ impl Arrow {
     ) {
         let mut response = Response::open();
         response.active_set = active_set;
-        self.blocks.push(Block { rows: bias.len(), row0: self.bias.len(), cost, response });
+        let branch = self.branches.len().saturating_sub(1);
+        self.blocks.push(Block { branch, rows: bias.len(), row0: self.bias.len(), cost, response });
         self.root_rows.extend_from_slice(root_rows);
         self.bias.extend_from_slice(bias);
         self.start.extend_from_slice(forces);
@@ -138,16 +145,22 @@ impl Arrow {
         let Some(branch) = self.branches.last_mut() else { return };
         let m = branch.rows;
         branch.width = joints.min(m);
-        if joints <= m {
-            self.own_rows.extend_from_slice(&own_rows[..m * joints]);
-        } else {
-            // more joints than rows: as many unknowns as rows give the same rows, X X' being the same
-            self.own_rows.resize(branch.x0 + m * m, 0.0);
+        branch.stride = (ROOT + branch.width).next_multiple_of(linalg::LANES);
+        self.matrix.resize(branch.matrix + m * branch.stride, 0.0);
+        self.point.resize(branch.local + branch.stride, 0.0);
+        // more joints than rows: as many unknowns as rows give the same rows, X X' being the same
+        let few = (joints > m).then(|| {
+            self.square.resize(self.square.len().max(branch.square + m * m), 0.0);
             let row = |i: usize| &own_rows[i * joints..(i + 1) * joints];
-            linalg::semidefinite_factor(m, |i, j| linalg::dot(row(i), row(j)), &mut self.own_rows[branch.x0..]);
+            let factor = &mut self.square[branch.square..branch.square + m * m];
+            linalg::semidefinite_factor(m, |i, j| linalg::dot(row(i), row(j)), factor);
+            &self.square[branch.square..branch.square + m * m]
+        });
+        let (own_rows, width) = (few.unwrap_or(own_rows), branch.width);
+        for (i, row) in self.matrix[branch.matrix..].chunks_exact_mut(branch.stride).enumerate() {
+            row[..ROOT].copy_from_slice(&self.root_rows[i]);
+            row[ROOT..ROOT + width].copy_from_slice(&own_rows[i * width..(i + 1) * width]);
         }
-        self.own.resize(branch.own0 + branch.width, 0.0);
-        self.factors.resize(branch.square0 + branch.width * branch.width, 0.0);
     }
 
     /// The cost of block `block`.
@@ -168,30 +181,24 @@ impl Arrow {
 
     /// How easily row `row` of block `block` moves [1/kg]: `|Y_i|^2 + |X_i|^2`.
     pub fn row_inverse_inertia(&self, block: usize, row: usize) -> f64 {
-        let i = self.blocks[block].row0 + row;
-        let y = &self.root_rows[i];
-        let own = self.branches.iter().find(|b| (b.row0..b.row0 + b.rows).contains(&i)).map_or(0.0, |b| {
-            let x = b.own_row(&self.own_rows, i - b.row0);
-            linalg::dot(x, x)
-        });
-        own + linalg::dot(y, y)
+        let b = &self.blocks[block];
+        let branch = &self.branches[b.branch];
+        let row = branch.row(&self.matrix, b.row0 - branch.row0 + row);
+        dot_lanes(row, row)
     }
 
     /// Goes on to the next problem on the same rows: what stands of the solution so far (`kept`, one force for each
     /// row) becomes a part of the bias, each block gets a new cost and expected active set, and the solve starts at the forces
     /// `start`.
     pub fn continue_with(&mut self, kept: &[f64], start: &[f64], mut recost: impl FnMut(usize) -> (Cost, ActiveSet)) {
-        let mut moved = [0.0; ROOT];
-        for (y, f) in self.root_rows.iter().zip(kept) {
-            linalg::axpy(*f, y, &mut moved);
-        }
-        for (bias, y) in self.bias.iter_mut().zip(&self.root_rows) {
-            *bias += linalg::dot(y, &moved);
-        }
         self.start.copy_from_slice(kept);
-        self.own_from_start();
+        let moved = self.point_from_start();
+        self.set_root(&moved);
         for branch in &self.branches {
-            branch.add_own(&self.own_rows, &self.own, &mut self.bias);
+            let point = branch.of(&self.point);
+            for (i, row) in branch.rows(&self.matrix).enumerate() {
+                self.bias[branch.row0 + i] += dot_lanes(row, point);
+            }
         }
         self.start.copy_from_slice(start);
         for (k, block) in self.blocks.iter_mut().enumerate() {
@@ -199,35 +206,54 @@ impl Arrow {
         }
     }
 
-    /// `w = X' f` of the starting forces.
-    fn own_from_start(&mut self) {
+    /// `w = X' f` of the starting forces; returns `Y' f`.
+    #[inline(always)]
+    fn point_from_start(&mut self) -> RootVector {
+        let mut root = [0.0; ROOT];
         for branch in &self.branches {
-            let own = &mut self.own[branch.own0..branch.own0 + branch.width];
-            own.fill(0.0);
-            for i in 0..branch.rows {
-                linalg::axpy(self.start[branch.row0 + i], branch.own_row(&self.own_rows, i), own);
+            let point = &mut self.point[branch.local..branch.local + branch.stride];
+            point.fill(0.0);
+            for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
+                axpy_lanes(*f, row, point);
             }
+            axpy_lanes(1.0, &point[..ROOT], &mut root);
+        }
+        root
+    }
+
+    /// Copies `z` into the point of each branch.
+    #[inline(always)]
+    fn set_root(&mut self, z: &RootVector) {
+        for branch in &self.branches {
+            self.point[branch.local..branch.local + ROOT].copy_from_slice(z);
         }
     }
 }
 
 impl Branch {
-    /// Row `i` of this branch's matrix in `rows`: `X`, or one of its shape.
+    /// Row `i` of the branch's `[Y X]`.
     #[inline(always)]
-    fn own_row<'a>(&self, rows: &'a [f64], i: usize) -> &'a [f64] {
-        let start = self.x0 + i * self.width;
-        &rows[start..start + self.width]
+    fn row<'a>(&self, matrix: &'a [f64], i: usize) -> &'a [f64] {
+        let start = self.matrix + i * self.stride;
+        &matrix[start..start + self.stride]
     }
 
-    /// `out += X own` on the rows of this branch.
+    /// All of them.
     #[inline(always)]
-    fn add_own(&self, own_rows: &[f64], own: &[f64], out: &mut [f64]) {
-        if self.width > 0 {
-            let own = &own[self.own0..self.own0 + self.width];
-            for i in 0..self.rows {
-                out[self.row0 + i] += linalg::dot(self.own_row(own_rows, i), own);
-            }
-        }
+    fn rows<'a>(&self, matrix: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
+        matrix[self.matrix..self.matrix + self.rows * self.stride].chunks_exact(self.stride)
+    }
+
+    /// The branch's `[root; own]` in `vector`.
+    #[inline(always)]
+    fn of<'a>(&self, vector: &'a [f64]) -> &'a [f64] {
+        &vector[self.local..self.local + self.stride]
+    }
+
+    /// Its own unknowns in `vector`.
+    #[inline(always)]
+    fn own<'a>(&self, vector: &'a [f64]) -> &'a [f64] {
+        &vector[self.local + ROOT..self.local + ROOT + self.width]
     }
 }
 
