@@ -10,7 +10,7 @@ use super::compat;
 use super::error::{Error, check_index, check_length, check_value};
 use super::ffi;
 use super::ids::EqualityId;
-use super::kinds::{RowKind, RowState};
+use super::kinds::{JointKind, RowKind, RowState};
 use super::simulation::Simulation;
 use std::ops::Range;
 
@@ -148,6 +148,31 @@ impl Simulation {
             out[*column as usize] = *value;
         }
         Ok(())
+    }
+
+    /// Degree of freedom and entry of a row whose Jacobian has no other: friction of a degree of freedom, limit of a hinge or
+    /// slide. `None` of any other row, and of one whose type was changed by [`make_friction_rows`](Self::make_friction_rows).
+    pub fn row_single_entry(&self, row: usize) -> Result<Option<(usize, f64)>, Error> {
+        let ConstraintRow { kind, id } = self.constraint_row(row)?;
+        let model = self.model();
+        let dof = match kind {
+            RowKind::FrictionDof => id,
+            RowKind::LimitJoint => {
+                let hinge_or_slide = [JointKind::Hinge.raw(), JointKind::Slide.raw()];
+                match model.jnt_type().get(id) {
+                    Some(kind) if hinge_or_slide.contains(kind) => model.jnt_dofadr()[id] as usize,
+                    _ => return Ok(None),
+                }
+            }
+            _ => return Ok(None),
+        };
+        if !model.is_sparse() {
+            // SAFETY: `row < nefc` rows of nv numbers.
+            let values = unsafe { slice(self.data().efc_J.add(row * model.nv()), model.nv()) };
+            return Ok(values.get(dof).map(|&value| (dof, value)));
+        }
+        let (values, columns) = self.sparse_row(row);
+        Ok(if let ([value], [column]) = (values, columns) { Some((*column as usize, *value)) } else { None })
     }
 
     /// Replaces the Jacobian of a row by `jacobian` (nv, dense). With sparse storage the non-zeros must be among the

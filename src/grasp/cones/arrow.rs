@@ -59,6 +59,24 @@ struct Branch {
     square: usize,
 }
 
+/// Does `$call` with a branch whose stride the compiler knows, so that the loops over its rows unroll.
+macro_rules! unrolled {
+    ($branch:ident => $call:expr) => {
+        match $branch.stride {
+            12 => unrolled!(12, $branch => $call),
+            16 => unrolled!(16, $branch => $call),
+            20 => unrolled!(20, $branch => $call),
+            24 => unrolled!(24, $branch => $call),
+            _ => $call,
+        }
+    };
+    ($stride:literal, $branch:ident => $call:expr) => {{
+        let $branch = Branch { stride: $stride, ..$branch };
+        $call
+    }};
+}
+use unrolled;
+
 /// The problem and its workspace; buffers are kept from step to step, so that a warm solve allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Arrow {
@@ -194,11 +212,9 @@ impl Arrow {
         self.start.copy_from_slice(kept);
         let moved = self.point_from_start();
         self.set_root(&moved);
-        for branch in &self.branches {
-            let point = branch.of(&self.point);
-            for (i, row) in branch.rows(&self.matrix).enumerate() {
-                self.bias[branch.row0 + i] += dot_lanes(row, point);
-            }
+        for &branch in &self.branches {
+            let bias = &mut self.bias[branch.row0..];
+            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| bias[i] += moved));
         }
         self.start.copy_from_slice(start);
         for (k, block) in self.blocks.iter_mut().enumerate() {
@@ -210,15 +226,21 @@ impl Arrow {
     #[inline(always)]
     fn point_from_start(&mut self) -> RootVector {
         let mut root = [0.0; ROOT];
-        for branch in &self.branches {
-            let point = &mut self.point[branch.local..branch.local + branch.stride];
-            point.fill(0.0);
-            for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
-                axpy_lanes(*f, row, point);
-            }
-            axpy_lanes(1.0, &point[..ROOT], &mut root);
+        for k in 0..self.branches.len() {
+            let branch = self.branches[k];
+            unrolled!(branch => self.point_of(&branch));
+            axpy_lanes(1.0, &self.point[branch.local..branch.local + ROOT], &mut root);
         }
         root
+    }
+
+    #[inline(always)]
+    fn point_of(&mut self, branch: &Branch) {
+        let point = &mut self.point[branch.local..branch.local + branch.stride];
+        point.fill(0.0);
+        for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
+            axpy_lanes(*f, row, point);
+        }
     }
 
     /// Copies `z` into the point of each branch.
@@ -244,10 +266,13 @@ impl Branch {
         matrix[self.matrix..self.matrix + self.rows * self.stride].chunks_exact(self.stride)
     }
 
-    /// The branch's `[root; own]` in `vector`.
+    /// Calls `row` with `[Y X] x` of each row, `x` being the branch's in `vector`.
     #[inline(always)]
-    fn of<'a>(&self, vector: &'a [f64]) -> &'a [f64] {
-        &vector[self.local..self.local + self.stride]
+    fn apply(&self, matrix: &[f64], vector: &[f64], mut row: impl FnMut(usize, f64)) {
+        let x = &vector[self.local..self.local + self.stride];
+        for (i, entries) in self.rows(matrix).enumerate() {
+            row(i, dot_lanes(entries, x));
+        }
     }
 
     /// Its own unknowns in `vector`.

@@ -21,8 +21,10 @@ pub struct CoupledConstraint {
     pub cost: Cost,
     /// Number of its rows: one, or a contact's normal, tangents, spin and rolling.
     pub rows: usize,
-    /// First of its rows in [`CoupledConstraints::jacobian`].
+    /// First of its rows in [`CoupledConstraints::bias`].
     pub first: usize,
+    /// What it moves.
+    pub jacobian: Jacobian,
     /// Force of each row in the pass with soft contacts; before the solve, of the last step.
     pub main: [f64; MAX_ROWS],
     /// Force of each row in the end.
@@ -38,6 +40,15 @@ pub struct CoupledConstraint {
     /// Its first row in the engine; a foreign has none.
     row: usize,
     owner: Owner,
+}
+
+/// The rows of a constraint over the degrees of freedom.
+#[derive(Clone, Copy, Debug)]
+pub enum Jacobian {
+    /// One row with one entry: degree of freedom and entry. Joint limits and friction losses are that.
+    Single(usize, f64),
+    /// Rows of [`CoupledConstraints::jacobian`] from this one on.
+    Dense(usize),
 }
 
 /// What the rows belong to, from step to step.
@@ -106,7 +117,7 @@ impl CoupledConstraints {
         }
     }
 
-    /// Row `row`, one entry for each degree of freedom.
+    /// Dense row `row`, one entry for each degree of freedom.
     pub fn jacobian(&self, row: usize, nv: usize) -> &[f64] {
         &self.jacobian[row * nv..(row + 1) * nv]
     }
@@ -165,6 +176,7 @@ impl CoupledConstraints {
     fn read_one(&mut self, sim: &Simulation, row: usize, gives: bool) -> Result<usize, Error> {
         let identity = sim.constraint_row(row)?;
         let first = self.bias.len();
+        let mut jacobian = Jacobian::Dense(self.jacobian.len() / sim.model().nv().max(1));
         let stiffness = sim.efc_D()[row];
         let element = Owner::Element(identity.kind.raw(), identity.id);
         let (cost, owner, rows, read) = match identity.kind {
@@ -184,7 +196,15 @@ impl CoupledConstraints {
                 }
             }
             kind => {
-                self.copy_rows(sim, row, 1)?;
+                // a row of a weld may pass for a friction loss
+                let single = if gives { None } else { sim.row_single_entry(row)? };
+                match single {
+                    Some((dof, value)) => {
+                        jacobian = Jacobian::Single(dof, value);
+                        self.bias.push(value * sim.qacc_smooth()[dof] - sim.efc_aref()[row]);
+                    }
+                    None => self.copy_rows(sim, row, 1)?,
+                }
                 let cost = match kind {
                     RowKind::Equality => Cost::Bounded { centre: 0.0, stiffness, limit: f64::INFINITY },
                     RowKind::FrictionDof | RowKind::FrictionTendon => {
@@ -195,7 +215,9 @@ impl CoupledConstraints {
                 (cost, element, 1, 1)
             }
         };
-        let before = self.before.iter().find(|n| n.owner == owner && n.rows == rows);
+        // as a rule in the same place as in the last step
+        let same = |n: &&CoupledConstraint| n.owner == owner && n.rows == rows;
+        let before = self.before.get(self.list.len()).filter(same).or_else(|| self.before.iter().find(same));
         let nothing = [0.0; MAX_ROWS];
         let (main, force, active_sets) =
             before.map_or((nothing, nothing, [ActiveSet::Stick; 2]), |n| (n.main, n.force, n.active_sets));
@@ -204,6 +226,7 @@ impl CoupledConstraints {
             cost,
             rows,
             first,
+            jacobian,
             main,
             force,
             active_sets,

@@ -296,12 +296,26 @@ impl FingerInverseInertia {
     /// the square of whose norm is the row's inverse inertia. Returns the wrench on the palm when the joints give way.
     pub fn row(&self, dynamics: &Dynamics<'_>, leaf: usize, wrench: &Spatial, whitened: &mut [f64]) -> Spatial {
         whitened.fill(0.0);
-        let mut palm = *wrench;
         let mut at = self.position(leaf);
         while let Some(k) = at {
             whitened[k] = self.axes[k].dot(wrench);
             at = self.parents[k];
         }
+        *wrench + self.whiten(dynamics, leaf, whitened)
+    }
+
+    /// As [`row`](Self::row), of a force `entry` on the one joint `dof`.
+    pub fn joint_row(&self, dynamics: &Dynamics<'_>, dof: usize, entry: f64, whitened: &mut [f64]) -> Spatial {
+        whitened.fill(0.0);
+        if let Some(k) = self.position(dof) {
+            whitened[k] = entry;
+        }
+        self.whiten(dynamics, dof, whitened)
+    }
+
+    /// Whitens a row of forces on `leaf` and its ancestors; returns what their giving way leaves on the palm.
+    fn whiten(&self, dynamics: &Dynamics<'_>, leaf: usize, whitened: &mut [f64]) -> Spatial {
+        let mut palm = Spatial::zeros();
         let mut at = self.position(leaf);
         while let Some(k) = at {
             let dof = self.dofs[k];

@@ -4,7 +4,7 @@
 //! (a tendon over two of them, a contact between them) joins them. What is joined is eliminated together.
 
 use crate::grasp::cones::arrow::{ROOT, RootVector};
-use crate::grasp::cones::coupled::CoupledConstraints;
+use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints, Jacobian};
 use crate::grasp::cones::inverse_inertia::{Dynamics, HandInverseInertia};
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::hand::topology::Topology;
@@ -35,6 +35,10 @@ pub struct JointGroups {
     group_of: Vec<usize>,
     /// Where each node's joints begin among those of its group.
     offset: Vec<usize>,
+    /// False if nothing moves the palm.
+    palm_moves: bool,
+    /// First whitened row of each constraint; no rows if it is [on one finger's joint](Self::on_finger).
+    whitened: Vec<usize>,
     root_rows: Vec<RootVector>,
     own_rows: Vec<f64>,
 }
@@ -138,14 +142,26 @@ impl JointGroups {
         self.offset[finger]
     }
 
-    /// What of a constraint's row moves palm and target.
-    pub fn root_row(&self, row: usize) -> &RootVector {
-        &self.root_rows[row]
+    /// Finger, degree of freedom and entry of a constraint that moves one finger's joint and nothing else; such rows are not
+    /// whitened here.
+    pub fn on_finger(&self, constraint: &CoupledConstraint) -> Option<(usize, usize, f64)> {
+        match constraint.jacobian {
+            Jacobian::Single(dof, value) if self.node_of_dof[dof] < self.fingers => {
+                Some((self.node_of_dof[dof], dof, value))
+            }
+            _ => None,
+        }
     }
 
-    /// What of a constraint's row moves the joints of `group`, into `out`.
-    pub fn own_row(&self, group: &JointGroup, row: usize, out: &mut [f64]) {
+    /// What of row `k` of constraint `i` moves palm and target.
+    pub fn root_row(&self, i: usize, k: usize) -> &RootVector {
+        &self.root_rows[self.whitened[i] + k]
+    }
+
+    /// What of row `k` of constraint `i` moves the joints of `group`, into `out`.
+    pub fn own_row(&self, group: &JointGroup, i: usize, k: usize, out: &mut [f64]) {
         let nv = self.node_of_dof.len();
+        let row = self.whitened[i] + k;
         let own = &self.own_rows[row * nv..(row + 1) * nv];
         let dofs = group.nodes.iter().flat_map(|&node| &self.dofs[node]);
         for (out, &dof) in out.iter_mut().zip(dofs) {
@@ -167,19 +183,32 @@ impl JointGroups {
     /// The coupled' rows in whitened coordinates, parted into the root's and the rest.
     fn whiten(&mut self, dynamics: &Dynamics<'_>, inverse_inertia: &HandInverseInertia, coupled: &CoupledConstraints) {
         let nv = self.node_of_dof.len();
-        let rows = coupled.bias().len();
+        self.palm_moves = !inverse_inertia.palm.chain().is_empty();
         self.root_rows.clear();
         self.own_rows.clear();
-        self.own_rows.reserve(rows * nv);
-        for row in 0..rows {
-            self.own_rows.extend_from_slice(coupled.jacobian(row, nv));
-            let own = &mut self.own_rows[row * nv..];
-            dynamics.whiten(own);
-            let mut root = [0.0; ROOT];
-            for (half, body) in root.chunks_exact_mut(6).zip([&inverse_inertia.palm, &inverse_inertia.target]) {
-                half.copy_from_slice(body.take(own).as_slice());
+        self.whitened.clear();
+        for constraint in coupled.list() {
+            self.whitened.push(self.root_rows.len());
+            if self.on_finger(constraint).is_some() {
+                continue;
             }
-            self.root_rows.push(root);
+            for k in 0..constraint.rows {
+                let at = self.own_rows.len();
+                match constraint.jacobian {
+                    Jacobian::Single(dof, value) => {
+                        self.own_rows.resize(at + nv, 0.0);
+                        self.own_rows[at + dof] = value;
+                    }
+                    Jacobian::Dense(row) => self.own_rows.extend_from_slice(coupled.jacobian(row + k, nv)),
+                }
+                let own = &mut self.own_rows[at..];
+                dynamics.whiten(own);
+                let mut root = [0.0; ROOT];
+                for (half, body) in root.chunks_exact_mut(6).zip([&inverse_inertia.palm, &inverse_inertia.target]) {
+                    half.copy_from_slice(body.take(own).as_slice());
+                }
+                self.root_rows.push(root);
+            }
         }
     }
 
@@ -188,9 +217,12 @@ impl JointGroups {
         let nv = self.node_of_dof.len();
         self.parent.clear();
         self.parent.extend(0..self.dofs.len());
-        for constraint in coupled.list() {
+        for (i, constraint) in coupled.list().iter().enumerate() {
+            if self.on_finger(constraint).is_some() {
+                continue;
+            }
             let mut first = None;
-            for row in constraint.first..constraint.first + constraint.rows {
+            for row in self.whitened[i]..self.whitened[i] + constraint.rows {
                 for dof in 0..nv {
                     if self.own_rows[row * nv + dof] != 0.0 {
                         let node = find(&mut self.parent, self.node_of_dof[dof]);
@@ -212,8 +244,8 @@ impl JointGroups {
             }
         }
         for (i, constraint) in coupled.list().iter().enumerate() {
-            let moves_root = self.moves_root(constraint.first, constraint.rows);
-            match self.node_of(constraint.first, constraint.rows) {
+            let moves_root = self.moves_root(i, constraint);
+            match self.node_of(i, constraint) {
                 None if moves_root => self.free.push(i),
                 Some(node) if moves_root => {
                     self.group_at(node);
@@ -222,7 +254,7 @@ impl JointGroups {
             }
         }
         for (i, constraint) in coupled.list().iter().enumerate() {
-            if let Some(node) = self.node_of(constraint.first, constraint.rows) {
+            if let Some(node) = self.node_of(i, constraint) {
                 let set = find(&mut self.parent, node);
                 if self.group_of[set] != NONE {
                     self.groups[self.group_of[set]].coupled.push(i);
@@ -247,14 +279,22 @@ impl JointGroups {
         self.group_of[set]
     }
 
-    fn moves_root(&self, first: usize, rows: usize) -> bool {
-        self.root_rows[first..first + rows].iter().flatten().any(|&y| y != 0.0)
+    fn moves_root(&self, i: usize, constraint: &CoupledConstraint) -> bool {
+        let rows = self.whitened[i]..self.whitened[i] + constraint.rows;
+        match self.on_finger(constraint) {
+            Some(_) => self.palm_moves,
+            None => self.root_rows[rows].iter().flatten().any(|&y| y != 0.0),
+        }
     }
 
     /// A node that the rows move.
-    fn node_of(&self, first: usize, rows: usize) -> Option<usize> {
+    fn node_of(&self, i: usize, constraint: &CoupledConstraint) -> Option<usize> {
+        if let Some((finger, ..)) = self.on_finger(constraint) {
+            return Some(finger);
+        }
         let nv = self.node_of_dof.len();
-        let moved = self.own_rows[first * nv..(first + rows) * nv].iter().position(|&x| x != 0.0)?;
+        let first = self.whitened[i];
+        let moved = self.own_rows[first * nv..(first + constraint.rows) * nv].iter().position(|&x| x != 0.0)?;
         Some(self.node_of_dof[moved % nv])
     }
 }

@@ -177,7 +177,7 @@ impl GraspSolver {
         }
         for k in 0..self.groups.free().len() {
             self.arrow.begin_branch();
-            self.add_coupled(coupled, self.groups.free()[k]);
+            self.add_dense(coupled, self.groups.free()[k]);
             self.arrow.end_branch(0, &[]);
         }
         for k in 0..self.groups.count() {
@@ -213,25 +213,40 @@ impl GraspSolver {
             let group = self.groups.group(k);
             let i = group.coupled[n];
             let constraint = &coupled.list()[i];
-            for row in constraint.first..constraint.first + constraint.rows {
-                let at = self.own_rows.len();
-                self.own_rows.resize(at + joints, 0.0);
-                self.groups.own_row(group, row, &mut self.own_rows[at..]);
+            let at = self.own_rows.len();
+            self.own_rows.resize(at + joints * constraint.rows, 0.0);
+            if let Some((finger, dof, entry)) = self.groups.on_finger(constraint) {
+                let start = at + self.groups.offset(finger);
+                let HandInverseInertia { palm, fingers, .. } = &self.inverse_inertia;
+                let own = &mut self.own_rows[start..start + fingers[finger].len()];
+                let on_palm = palm.factor.tr_mul(&fingers[finger].joint_row(dynamics, dof, entry, own));
+                let mut root_row = [0.0; ROOT];
+                root_row[..6].copy_from_slice(on_palm.as_slice());
+                self.add_coupled(coupled, i, &[root_row]);
+                continue;
             }
-            self.add_coupled(coupled, i);
+            for (row, own) in self.own_rows[at..].chunks_exact_mut(joints.max(1)).enumerate() {
+                self.groups.own_row(group, i, row, own);
+            }
+            self.add_dense(coupled, i);
         }
         self.arrow.end_branch(joints, &self.own_rows);
     }
 
-    fn add_coupled(&mut self, coupled: &CoupledConstraints, i: usize) {
-        let constraint = &coupled.list()[i];
+    fn add_dense(&mut self, coupled: &CoupledConstraints, i: usize) {
+        let rows = coupled.list()[i].rows;
         let mut root_rows = [[0.0; ROOT]; MAX_ROWS];
-        for (k, row) in root_rows.iter_mut().take(constraint.rows).enumerate() {
-            *row = *self.groups.root_row(constraint.first + k);
+        for (k, row) in root_rows.iter_mut().take(rows).enumerate() {
+            *row = *self.groups.root_row(i, k);
         }
+        self.add_coupled(coupled, i, &root_rows[..rows]);
+    }
+
+    fn add_coupled(&mut self, coupled: &CoupledConstraints, i: usize, root_rows: &[RootVector]) {
+        let constraint = &coupled.list()[i];
         let n = constraint.rows;
         let bias = &coupled.bias()[constraint.first..constraint.first + n];
-        self.arrow.add_block(constraint.cost, constraint.active_sets[0], &root_rows[..n], bias, &constraint.main[..n]);
+        self.arrow.add_block(constraint.cost, constraint.active_sets[0], root_rows, bias, &constraint.main[..n]);
         self.order.push(constraint.foreign().map_or(Member::Coupled(i), Member::Foreign));
     }
 

@@ -2,7 +2,7 @@
 
 #![allow(clippy::needless_range_loop)] // small matrices are read by their indices, as in the formulas
 
-use super::{Arrow, Branch, ROOT, RootVector, Status};
+use super::{Arrow, Branch, ROOT, RootVector, Status, unrolled};
 use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::{self, LANES, axpy_lanes, dot_lanes};
 use pulp::{Arch, Simd, WithSimd};
@@ -127,11 +127,9 @@ impl Arrow {
     /// `jar = bias + Y z + X w`
     #[inline(always)]
     fn residuals(&mut self) {
-        for branch in &self.branches {
-            let point = branch.of(&self.point);
-            for (i, row) in branch.rows(&self.matrix).enumerate() {
-                self.jar[branch.row0 + i] = self.bias[branch.row0 + i] + dot_lanes(row, point);
-            }
+        for &branch in &self.branches {
+            let (jar, bias) = (&mut self.jar[branch.row0..], &self.bias[branch.row0..]);
+            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| jar[i] = bias[i] + moved));
         }
     }
 
@@ -170,22 +168,28 @@ impl Arrow {
     fn gradient(&mut self, z: &RootVector) -> (RootVector, f64) {
         let mut gradient = [0.0; ROOT];
         let mut own = 0.0f64;
-        for branch in &self.branches {
-            let local = &mut self.gradient[branch.local..branch.local + branch.stride];
-            local[..ROOT].fill(0.0);
+        for k in 0..self.branches.len() {
+            let branch = self.branches[k];
             let point = branch.own(&self.point);
             own += linalg::dot(point, point);
-            local[ROOT..].copy_from_slice(&self.point[branch.local + ROOT..branch.local + branch.stride]);
-            for (row, f) in branch.rows(&self.matrix).zip(&self.forces[branch.row0..]) {
-                if *f != 0.0 {
-                    axpy_lanes(-f, row, local);
-                }
-            }
-            axpy_lanes(1.0, &local[..ROOT], &mut gradient);
+            unrolled!(branch => self.gradient_of(&branch));
+            axpy_lanes(1.0, &self.gradient[branch.local..branch.local + ROOT], &mut gradient);
         }
         let scale = linalg::norm(&gradient).max(linalg::norm(z)).max(own.sqrt()).max(f64::MIN_POSITIVE);
         axpy_lanes(1.0, z, &mut gradient);
         (gradient, scale)
+    }
+
+    #[inline(always)]
+    fn gradient_of(&mut self, branch: &Branch) {
+        let local = &mut self.gradient[branch.local..branch.local + branch.stride];
+        local[..ROOT].fill(0.0);
+        local[ROOT..].copy_from_slice(&self.point[branch.local + ROOT..branch.local + branch.stride]);
+        for (row, f) in branch.rows(&self.matrix).zip(&self.forces[branch.row0..]) {
+            if *f != 0.0 {
+                axpy_lanes(-f, row, local);
+            }
+        }
     }
 
     /// Solves `H step = -gradient` and returns the root's part; the branches' are in `step`, and their changes of the
@@ -200,13 +204,15 @@ impl Arrow {
         }
         for k in 0..self.branches.len() {
             let branch = self.branches[k];
-            self.assemble(&branch, &mut hessian);
-            self.eliminate(&branch, &mut hessian, &mut step);
+            unrolled!(branch => {
+                self.assemble(&branch, &mut hessian);
+                self.eliminate(&branch, &mut hessian, &mut step);
+            });
         }
         solve_root(&mut hessian, &mut step);
         for k in 0..self.branches.len() {
             let branch = self.branches[k];
-            self.step_back(&branch, &step);
+            unrolled!(branch => self.step_back(&branch, &step));
         }
         step
     }
@@ -295,9 +301,8 @@ impl Arrow {
         for (j, row) in own.chunks_exact(branch.stride).enumerate() {
             step[ROOT + j] = self.pivots[branch.local + ROOT + j] - dot_lanes(row, step);
         }
-        for (i, row) in branch.rows(&self.matrix).enumerate() {
-            self.slope[branch.row0 + i] = dot_lanes(row, step);
-        }
+        let slope = &mut self.slope[branch.row0..];
+        branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);
     }
 }
 

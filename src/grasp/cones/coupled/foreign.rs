@@ -4,7 +4,7 @@
 //! it, with the contacts of the others as foreign among its coupled: with rows over all degrees of freedom, since another
 //! grasp's fingers are not its own, but with their own softness and memory as in a grasp that is alone.
 
-use super::{CoupledConstraint, CoupledConstraints, Owner};
+use super::{CoupledConstraint, CoupledConstraints, Jacobian, Owner};
 use crate::grasp::cones::inverse_inertia::{Dynamics, Spatial};
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
@@ -24,6 +24,7 @@ impl CoupledConstraints {
         for contact in contacts {
             let rows = contact.parameters.condim;
             let first = self.bias.len();
+            let jacobian = Jacobian::Dense(self.jacobian.len() / dynamics.acceleration.len().max(1));
             let soft = softness(&contact.parameters, options);
             for i in 0..rows {
                 let velocity = self.add_row(dynamics, topology, contact, i);
@@ -37,6 +38,7 @@ impl CoupledConstraints {
                 cost: soft.cost,
                 rows,
                 first,
+                jacobian,
                 main,
                 force: main,
                 active_sets,
@@ -68,8 +70,9 @@ impl CoupledConstraints {
             else {
                 continue;
             };
+            let Jacobian::Dense(row) = constraint.jacobian else { continue };
             for (k, force) in foreign.force_rows[..constraint.rows].iter().enumerate() {
-                linalg::axpy(*force, self.jacobian(constraint.first + k, out.len()), out);
+                linalg::axpy(*force, self.jacobian(row + k, out.len()), out);
             }
         }
     }
