@@ -13,7 +13,7 @@
 
 mod newton;
 
-use crate::grasp::contact::cost::{ActiveSet, Cost, Response};
+use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, Response};
 use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
 
 /// Unknowns of the root: the palm's six and the target's six.
@@ -81,7 +81,9 @@ use unrolled;
 #[derive(Clone, Debug, Default)]
 pub struct Arrow {
     branches: Vec<Branch>,
+    /// Those of this problem come first; the others are room for larger ones.
     blocks: Vec<Block>,
+    used: usize,
     /// `Y` of the branch that is being made.
     root_rows: Vec<RootVector>,
     /// `[Y X]` of each branch, row-major.
@@ -112,7 +114,7 @@ impl Arrow {
     /// Starts a new problem.
     pub fn begin(&mut self) {
         self.branches.clear();
-        self.blocks.clear();
+        self.used = 0;
         self.matrix.clear();
         self.bias.clear();
         self.start.clear();
@@ -121,7 +123,7 @@ impl Arrow {
 
     /// Starts a branch: blocks added from now on share its joints.
     pub fn begin_branch(&mut self) {
-        let block = self.blocks.len();
+        let block = self.used;
         self.root_rows.clear();
         self.branches.push(Branch {
             blocks: (block, block),
@@ -145,10 +147,15 @@ impl Arrow {
         bias: &[f64],
         forces: &[f64],
     ) {
-        let mut response = Response::open();
-        response.active_set = active_set;
-        let branch = self.branches.len().saturating_sub(1);
-        self.blocks.push(Block { branch, rows: bias.len(), row0: self.bias.len(), cost, response });
+        if self.used == self.blocks.len() {
+            self.blocks.push(Block { branch: 0, rows: 0, row0: 0, cost, response: Response::open() });
+        }
+        // second derivatives are many numbers: those of an earlier problem stay until they are set in this one
+        let block = &mut self.blocks[self.used];
+        (block.branch, block.rows, block.row0) = (self.branches.len().saturating_sub(1), bias.len(), self.bias.len());
+        block.cost = cost;
+        (block.response.force, block.response.active_set) = ([0.0; MAX_ROWS], active_set);
+        self.used += 1;
         self.root_rows.extend_from_slice(root_rows);
         self.bias.extend_from_slice(bias);
         self.start.extend_from_slice(forces);
@@ -217,7 +224,7 @@ impl Arrow {
             unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| bias[i] += moved));
         }
         self.start.copy_from_slice(start);
-        for (k, block) in self.blocks.iter_mut().enumerate() {
+        for (k, block) in self.blocks[..self.used].iter_mut().enumerate() {
             (block.cost, block.response.active_set) = recost(k);
         }
     }

@@ -61,7 +61,7 @@ impl Arrow {
         self.point_from_start();
         self.set_root(z);
         self.residuals();
-        for b in &mut self.blocks {
+        for b in &mut self.blocks[..self.used] {
             let active_set = b.response.active_set;
             b.cost.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], active_set, &mut b.response);
             b.store_force(&mut self.forces);
@@ -145,7 +145,7 @@ impl Arrow {
     #[inline(always)]
     fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
-        for b in &mut self.blocks {
+        for b in &mut self.blocks[..self.used] {
             let before = b.response.active_set;
             b.cost.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
             b.store_force(&mut self.forces);
