@@ -87,7 +87,7 @@ fn steps(criterion: &mut Criterion, plan: &Plan) -> anyhow::Result<()> {
 }
 
 fn ratios(plan: &Plan) -> anyhow::Result<()> {
-    let report = bench(plan, 5000, &|_| ())?;
+    let report = bench(plan, 5000, 10, &|_| ())?;
     for (load, phases) in [("still", Some(&report.still)), ("pushed", report.pushed.as_ref())] {
         let Some(phases) = phases else { continue };
         let r = &phases.ratio;

@@ -256,7 +256,7 @@ fn quality_of_no_grasp_is_zero_with_a_warning() {
 }
 
 #[test]
-fn bench_times_all_four_variants() {
+fn bench_times_all_variants() {
     let folder = tempfile::tempdir().unwrap();
     let called = call_in(folder.path(), &["bench", &data("claw_goals.toml"), "--json", "--steps", "500"]);
     assert_eq!(called.status, 0, "{}", called.stderr);
@@ -290,6 +290,13 @@ fn bench_times_all_four_variants() {
         close("step", time("full", "step_us") / time("grasp", "step_us"));
         close("step_noslip", time("full_noslip", "step_us") / time("grasp", "step_us"));
         close("step_over_floor", time("grasp", "step_us") / time("floor", "step_us"));
+        let cheapest = time("full", "step_us").min(time("full_default", "step_us"));
+        close("step_default", cheapest / time("grasp", "step_us"));
+        for variant in ["full", "full_noslip", "full_default", "grasp", "exact", "floor"] {
+            let added = time(variant, "step_us") - time("floor", "step_us");
+            assert!((time(variant, "added_us") - added).abs() < 1e-9, "{phase} {variant}");
+        }
+        close("added", time("full", "added_us") / time("grasp", "added_us"));
         for variant in ["full", "full_noslip"] {
             let solver = b[variant]["solver"].as_str().unwrap();
             let known = ["newton", "cg", "pgs", "the model's own"];

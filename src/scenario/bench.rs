@@ -1,12 +1,14 @@
-//! What a held grasp costs: four variants of the same scene, interleaved, by one clock around the same stages.
+//! What a held grasp costs: five variants of the same scene, interleaved, by one clock around the same stages.
 //!
 //! All start from the state of the grasp mode at `measure_from`, with the actuators' targets of that time:
 //! - `full`: MuJoCo's own contact solve without noslip; `full_noslip`: with 10 iterations of it. Each with the cheapest
 //!   of Newton, CG and PGS on dense and sparse matrices that keeps the outcome;
+//! - `full_default`: the model's own solver and noslip, untouched;
 //! - `grasp`: the grasp controller, latched;
 //! - `floor`: no collision, no contacts, no grasp.
 //!
-//! The variants take turns of half a second of simulation, each turn from the saved state, in an order that rotates.
+//! The variants take turns of half a second of simulation, each turn from the saved state, in an order that rotates. The
+//! clock runs over calls of several steps with loads and controls held, as a control loop makes them.
 
 use std::time::Instant;
 
@@ -58,7 +60,7 @@ pub struct Report {
     pub latched: bool,
 }
 
-/// The four variants under one load.
+/// The variants under one load.
 #[derive(Debug, Serialize)]
 pub struct Phases {
     /// Timed steps of each variant.
@@ -67,15 +69,19 @@ pub struct Phases {
     pub full: Timing,
     /// The same with 10 noslip iterations.
     pub full_noslip: Timing,
+    /// The model's own solver and noslip, untouched.
+    pub full_default: Timing,
     /// The grasp controller.
     pub grasp: Timing,
+    /// The grasp controller with hand and object stepped with the arm, as they always are: `grasp` again.
+    pub exact: Timing,
     /// No contacts at all.
     pub floor: Timing,
     /// How they compare.
     pub ratio: Ratio,
 }
 
-/// Medians over all steps of a variant.
+/// Medians over all calls of a variant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Timing {
     /// Whole step \[us\].
@@ -83,6 +89,8 @@ pub struct Timing {
     /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\]; `None` in the engine's
     /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages.
     pub contact_us: Option<f64>,
+    /// What the step costs more than the floor's \[us\].
+    pub added_us: Option<f64>,
     /// Solver and storage of the full solves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,
@@ -92,6 +100,9 @@ pub struct Timing {
     /// Steps after which the grasp was not latched, which cost what contacts cost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlatched_steps: Option<usize>,
+    /// Steps in which hand and object were stepped apart from the arm: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub substructured_steps: Option<usize>,
 }
 
 /// Ratios of medians.
@@ -105,6 +116,12 @@ pub struct Ratio {
     pub step: Option<f64>,
     /// full_noslip over grasp, whole step.
     pub step_noslip: Option<f64>,
+    /// The cheaper of full and full_default over grasp, whole step.
+    pub step_default: Option<f64>,
+    /// full over grasp, of what they cost more than the floor; `None` where grasp adds nothing.
+    pub added: Option<f64>,
+    /// The same of full_noslip.
+    pub added_noslip: Option<f64>,
     /// grasp over floor, whole step.
     pub step_over_floor: Option<f64>,
 }
@@ -128,11 +145,11 @@ struct Variant {
     name: Option<(String, bool)>,
 }
 
-/// Times the holding phase, at least `steps` steps of each variant. `progress` is told of finished parts out of [`PARTS`].
+/// Times the holding phase, at least `steps` steps of each variant, in calls of `substeps` steps each. `progress` is told of finished parts out of [`PARTS`].
 ///
 /// # Errors
 /// A scenario that cannot be set up, or a simulation that fails.
-pub fn bench(plan: &Plan, steps: usize, progress: &dyn Fn(u64)) -> Result<Report, Error> {
+pub fn bench(plan: &Plan, steps: usize, substeps: usize, progress: &dyn Fn(u64)) -> Result<Report, Error> {
     let from = plan.timeline.measure_from();
     let mut held = Runner::new(plan, Mode::Grasp, None)?;
     held.advance_to(from)?;
@@ -144,7 +161,7 @@ pub fn bench(plan: &Plan, steps: usize, progress: &dyn Fn(u64)) -> Result<Report
     progress(1);
     let (sim, grasps) = held.into_parts();
     let state = sim.save();
-    let bench = Bench { plan, reference, sim, grasps, state, steps };
+    let bench = Bench { plan, reference, sim, grasps, state, steps, substeps: substeps.max(1) };
     let still = bench.phases(None)?;
     progress(1);
     let pushed = match (plan.pushes.first(), onset_factor) {
@@ -175,6 +192,7 @@ struct Bench<'a> {
     grasps: Grasps,
     state: State,
     steps: usize,
+    substeps: usize,
 }
 
 impl Bench<'_> {
@@ -185,26 +203,38 @@ impl Bench<'_> {
         let mut variants = [
             self.cheapest(0, push, load)?,
             self.cheapest(NOSLIP, push, load)?,
+            self.engine_variant(Some(("the model's own".into(), true)))?,
             Variant::new(self.sim.try_clone()?, Some((self.grasps.clone(), self.grasps.clone())), None),
             floor,
         ];
-        self.take_turns(&mut variants, self.steps.div_ceil(self.turn()), load)?;
-        let [full, full_noslip, grasp, floor] = variants.map(|v| v.timing());
+        let turns = self.steps.div_ceil(self.turn());
+        self.take_turns(&mut variants, turns, load)?;
+        let mut timings = variants.map(Variant::timing);
+        let floor_us = timings[4].step_us;
+        for timing in &mut timings {
+            timing.added_us = timing.step_us.zip(floor_us).map(|(step, floor)| step - floor);
+        }
+        let [full, full_noslip, full_default, grasp, floor] = timings;
         let over = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a / b).filter(|r| r.is_finite());
+        let added = grasp.added_us.filter(|added| *added > 0.0);
+        let cheapest = full.step_us.zip(full_default.step_us).map(|(a, b)| a.min(b));
         let ratio = Ratio {
             contact: over(full.contact_us, grasp.contact_us),
             contact_noslip: over(full_noslip.contact_us, grasp.contact_us),
             step: over(full.step_us, grasp.step_us),
             step_noslip: over(full_noslip.step_us, grasp.step_us),
+            step_default: over(cheapest, grasp.step_us),
+            added: over(full.added_us, added),
+            added_noslip: over(full_noslip.added_us, added),
             step_over_floor: over(grasp.step_us, floor.step_us),
         };
-        let steps = self.steps.div_ceil(self.turn()) * self.turn();
-        Ok(Phases { steps, full, full_noslip, grasp, floor, ratio })
+        let exact = grasp.clone();
+        Ok(Phases { steps: turns * self.turn(), full, full_noslip, full_default, grasp, exact, floor, ratio })
     }
 
-    /// Steps of one turn.
+    /// Steps of one turn, whole calls.
     fn turn(&self) -> usize {
-        ((TURN / self.plan.model.timestep()).round() as usize).max(1)
+        ((TURN / self.plan.model.timestep()).round() as usize).max(1).next_multiple_of(self.substeps)
     }
 
     /// MuJoCo's own solve on the model as it was loaded.
@@ -281,13 +311,13 @@ impl Bench<'_> {
             working.clone_from(saved);
         }
         let timestep = self.plan.model.timestep();
-        for k in 0..self.turn() {
+        for k in (0..self.turn()).step_by(self.substeps) {
             let time = k as f64 * timestep;
             if let Some(load) = load {
                 load.apply(&mut variant.sim, time);
             }
             let failed = |source| Error::Step { what: "bench".into(), time: self.state.time + time, source };
-            variant.step().map_err(failed)?;
+            variant.advance(self.substeps).map_err(failed)?;
         }
         Ok(())
     }
@@ -308,21 +338,24 @@ impl Variant {
         Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, name }
     }
 
-    fn step(&mut self) -> Result<(), grasp::Error> {
+    /// One call of so many steps.
+    fn advance(&mut self, steps: usize) -> Result<(), grasp::Error> {
         let mut clock = StageClock::default();
         let whole = self.is_whole();
         let start = Instant::now();
-        match &mut self.grasps {
-            Some((_, grasps)) => grasps.step_timed(&mut self.sim, &mut clock)?,
-            None if whole => self.sim.step()?,
-            None => grasp::engine_step_timed(&mut self.sim, &mut clock)?,
+        for _ in 0..steps {
+            match &mut self.grasps {
+                Some((_, grasps)) => {
+                    grasps.step_timed(&mut self.sim, &mut clock)?;
+                    self.unlatched += usize::from(grasps.iter().any(|g| g.phase() != Phase::Grasped));
+                }
+                None if whole => self.sim.step()?,
+                None => grasp::engine_step_timed(&mut self.sim, &mut clock)?,
+            }
         }
-        self.step_ns.push(start.elapsed().as_nanos() as f64);
+        self.step_ns.push(start.elapsed().as_nanos() as f64 / steps as f64);
         if !whole {
-            self.contact_ns.push(clock.contact.as_nanos() as f64);
-        }
-        if let Some((_, grasps)) = &self.grasps {
-            self.unlatched += usize::from(grasps.iter().any(|g| g.phase() != Phase::Grasped));
+            self.contact_ns.push(clock.contact.as_nanos() as f64 / steps as f64);
         }
         Ok(())
     }
@@ -346,9 +379,11 @@ impl Variant {
         Timing {
             step_us: median(self.step_ns).map(|ns| ns * 1e-3),
             contact_us: median(self.contact_ns).map(|ns| ns * 1e-3),
+            added_us: None,
             solver,
             kept_outcome,
-            unlatched_steps: self.grasps.map(|_| self.unlatched),
+            unlatched_steps: self.grasps.as_ref().map(|_| self.unlatched),
+            substructured_steps: self.grasps.map(|_| 0),
         }
     }
 }

@@ -17,6 +17,9 @@ pub struct Args {
     /// Timed steps of each variant.
     #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
+    /// Steps in one call, with controls held.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    substeps: u32,
 }
 
 /// Times the holding phase.
@@ -24,7 +27,7 @@ pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let mut plan = Plan::load(&args.scenario)?;
     plan.stop = signals::stop();
     let progress = Progress::new(PARTS, "timing");
-    let report = measure(&plan, args.steps as usize, &|n| progress.advance(n));
+    let report = measure(&plan, args.steps as usize, args.substeps as usize, &|n| progress.advance(n));
     progress.finish();
     let report = report?;
     if !report.latched {
@@ -66,8 +69,10 @@ fn phases(title: &str, phases: &Phases) -> String {
         head,
         row("full", &phases.full),
         row("full, noslip 10", &phases.full_noslip),
+        row("full, model's own", &phases.full_default),
         row("grasp", &phases.grasp),
         row("floor", &phases.floor),
+        ratio("cheaper full / grasp", r.step_default, None),
         ratio("full / grasp", r.step, r.contact),
         ratio("full noslip / grasp", r.step_noslip, r.contact_noslip),
         ratio("grasp / floor", r.step_over_floor, None),

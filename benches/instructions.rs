@@ -1,0 +1,61 @@
+//! What one step of a held grasp costs in instructions, counted by callgrind: the same on every run and every machine of
+//! one kind, however noisy.
+//!
+//! `scripts/instructions` runs this program under callgrind, which counts inside `counted_steps` only. By hand, for a
+//! profile:
+//!
+//! ```sh
+//! cargo bench --bench instructions --no-run   # prints the program's path
+//! perf record PROGRAM SCENARIO grasp 200000
+//! ```
+
+use anyhow::Context;
+use mujoco_grasp::grasp::{Grasps, Phase};
+use mujoco_grasp::mujoco::Simulation;
+use mujoco_grasp::scenario::plan::Plan;
+use mujoco_grasp::scenario::runner::{Mode, Runner};
+use std::hint::black_box;
+
+/// Steps before counting begins: buffers get their sizes, and the solver its memory.
+const WARM_UP: usize = 100;
+
+fn main() -> anyhow::Result<()> {
+    // cargo's own arguments begin with a dash
+    let args: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
+    let [scenario, variant, steps] = args.as_slice() else {
+        println!("instructions SCENARIO grasp|full|floor STEPS");
+        return Ok(());
+    };
+    let steps: usize = steps.parse().context("STEPS is a number")?;
+    let plan = Plan::load(scenario)?;
+    let mut runner = Runner::new(&plan, Mode::Grasp, None)?;
+    runner.advance_to(plan.timeline.measure_from())?;
+    let (mut sim, mut grasps) = runner.into_parts();
+    match variant.as_str() {
+        "grasp" => {}
+        "full" => grasps.iter_mut().for_each(|grasp| {
+            grasp.release();
+            grasp.allow_latch(false);
+        }),
+        "floor" => {
+            sim.set_contacts_enabled(false);
+            grasps = Grasps::new();
+        }
+        other => anyhow::bail!("no variant {other}: grasp, full or floor"),
+    }
+    counted_steps(&mut sim, &mut grasps, WARM_UP)?;
+    let latched = counted_steps(&mut sim, &mut grasps, steps)?;
+    println!("{scenario} {variant}: latched in {latched} of {steps} steps");
+    Ok(())
+}
+
+/// Callgrind counts inside this function; `--toggle-collect` finds it by its name.
+#[inline(never)]
+fn counted_steps(sim: &mut Simulation, grasps: &mut Grasps, steps: usize) -> anyhow::Result<usize> {
+    let mut latched = 0;
+    for _ in 0..steps {
+        black_box(&mut *grasps).step(sim)?;
+        latched += usize::from(!grasps.is_empty() && grasps.iter().all(|grasp| grasp.phase() == Phase::Grasped));
+    }
+    Ok(latched)
+}
