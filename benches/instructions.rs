@@ -43,7 +43,9 @@ fn main() -> anyhow::Result<()> {
         }
         other => anyhow::bail!("no variant {other}: grasp, full or floor"),
     }
-    counted_steps(&mut sim, &mut grasps, WARM_UP)?;
+    for _ in 0..WARM_UP {
+        grasps.step(&mut sim)?;
+    }
     let latched = counted_steps(&mut sim, &mut grasps, steps)?;
     println!("{scenario} {variant}: latched in {latched} of {steps} steps");
     Ok(())

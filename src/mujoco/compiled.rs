@@ -92,6 +92,11 @@ impl CompiledModel {
         self.origin == other.origin
     }
 
+    /// That `what`, which was made for the model with this [`origin`](Self::origin), is used with a copy of it.
+    pub(super) fn check_origin(&self, origin: u64, what: &'static str) -> Result<(), Error> {
+        if self.origin == origin { Ok(()) } else { Err(Error::OtherModel { what }) }
+    }
+
     /// A private copy.
     pub(super) fn duplicate(&self) -> Result<Self, Error> {
         // SAFETY: a null destination makes the engine allocate a new model.

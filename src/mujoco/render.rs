@@ -109,9 +109,7 @@ impl Renderer {
     pub fn draw(&mut self, sim: &Simulation, camera: Camera, drawing: &Drawing) -> Result<RgbImage, Error> {
         camera.check(sim.model())?;
         drawing.arrows.iter().try_for_each(Arrow::check)?;
-        if !sim.model().is_copy_of(&self.model) {
-            return Err(Error::OtherModel { what: "a renderer" });
-        }
+        sim.model().check_origin(self.model.origin(), "a renderer")?;
         self.context.make_current()?;
         self.update(sim, camera, drawing)?;
         self.add_arrows(&drawing.arrows)?;

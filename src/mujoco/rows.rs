@@ -151,8 +151,9 @@ impl Simulation {
     }
 
     /// Degree of freedom and entry of a row whose Jacobian has no other: friction of a degree of freedom, limit of a hinge or
-    /// slide. `None` of any other row, and of one whose type was changed by [`make_friction_rows`](Self::make_friction_rows).
-    pub fn row_single_entry(&self, row: usize) -> Result<Option<(usize, f64)>, Error> {
+    /// slide. `None` of any other row. Not for rows of [`make_friction_rows`](Self::make_friction_rows), which pass for
+    /// friction of a degree of freedom.
+    pub(crate) fn row_single_entry(&self, row: usize) -> Result<Option<(usize, f64)>, Error> {
         let ConstraintRow { kind, id } = self.constraint_row(row)?;
         let model = self.model();
         let dof = match kind {

@@ -10,10 +10,11 @@
 //! The variants take turns of half a second of simulation, each turn from the saved state, in an order that rotates. The
 //! clock runs over calls of several steps with loads and controls held, as a control loop makes them.
 
+mod report;
+
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use serde::Serialize;
 
 use super::error::Error;
 use super::onset::{full_at_measure, onset, outcome};
@@ -23,6 +24,8 @@ use super::run::Options;
 use super::runner::{Mode, Runner};
 use crate::grasp::{self, Grasps, Phase, StageClock};
 use crate::mujoco::{self, BodyId, JacobianStorage, Simulation, Solver, State};
+
+pub use report::{Phases, Ratio, Report, Timing};
 
 /// Simulated time of one turn \[s\]: both signs of the push.
 const TURN: f64 = 0.5;
@@ -38,93 +41,6 @@ const NOSLIP: usize = 10;
 const IK_SOLVES: usize = 2000;
 /// How far their goals move from one to the next \[m\].
 const IK_STEP: f64 = 0.001;
-
-/// The JSON object of `bench`.
-#[derive(Debug, Serialize)]
-pub struct Report {
-    /// Name of the scenario.
-    pub scenario: String,
-    /// Version of MuJoCo.
-    pub engine: String,
-    /// Degrees of freedom.
-    pub nv: usize,
-    /// No push.
-    pub still: Phases,
-    /// Along the first push; `None` if there is none, or nothing makes it slip.
-    pub pushed: Option<Phases>,
-    /// Median time of one inverse-kinematics solve whose goals moved by 1 mm \[us\]; `None` without goals.
-    pub ik_us: Option<f64>,
-    /// The first push times this is the smallest that is not held; `None` as for `pushed`.
-    pub onset_factor: Option<f64>,
-    /// Whether the grasp was latched when timing started.
-    pub latched: bool,
-}
-
-/// The variants under one load.
-#[derive(Debug, Serialize)]
-pub struct Phases {
-    /// Timed steps of each variant.
-    pub steps: usize,
-    /// MuJoCo's own solve without noslip.
-    pub full: Timing,
-    /// The same with 10 noslip iterations.
-    pub full_noslip: Timing,
-    /// The model's own solver and noslip, untouched.
-    pub full_default: Timing,
-    /// The grasp controller.
-    pub grasp: Timing,
-    /// The grasp controller with hand and object stepped with the arm, as they always are: `grasp` again.
-    pub exact: Timing,
-    /// No contacts at all.
-    pub floor: Timing,
-    /// How they compare.
-    pub ratio: Ratio,
-}
-
-/// Medians over all calls of a variant.
-#[derive(Clone, Debug, Serialize)]
-pub struct Timing {
-    /// Whole step \[us\].
-    pub step_us: Option<f64>,
-    /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\]; `None` in the engine's
-    /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages.
-    pub contact_us: Option<f64>,
-    /// What the step costs more than the floor's \[us\].
-    pub added_us: Option<f64>,
-    /// Solver and storage of the full solves.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub solver: Option<String>,
-    /// Whether that solver kept the outcome, as every candidate should.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub kept_outcome: Option<bool>,
-    /// Steps after which the grasp was not latched, which cost what contacts cost.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unlatched_steps: Option<usize>,
-    /// Steps in which hand and object were stepped apart from the arm: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub substructured_steps: Option<usize>,
-}
-
-/// Ratios of medians.
-#[derive(Debug, Serialize)]
-pub struct Ratio {
-    /// full over grasp, contact part.
-    pub contact: Option<f64>,
-    /// full_noslip over grasp, contact part.
-    pub contact_noslip: Option<f64>,
-    /// full over grasp, whole step.
-    pub step: Option<f64>,
-    /// full_noslip over grasp, whole step.
-    pub step_noslip: Option<f64>,
-    /// The cheaper of full and full_default over grasp, whole step.
-    pub step_default: Option<f64>,
-    /// full over grasp, of what they cost more than the floor; `None` where grasp adds nothing.
-    pub added: Option<f64>,
-    /// The same of full_noslip.
-    pub added_noslip: Option<f64>,
-    /// grasp over floor, whole step.
-    pub step_over_floor: Option<f64>,
-}
 
 /// A wrench on the target whose sign turns.
 #[derive(Clone, Copy, Debug)]
@@ -145,7 +61,8 @@ struct Variant {
     name: Option<(String, bool)>,
 }
 
-/// Times the holding phase, at least `steps` steps of each variant, in calls of `substeps` steps each. `progress` is told of finished parts out of [`PARTS`].
+/// Times the holding phase, at least `steps` steps of each variant, in calls of `substeps` steps each. `progress` is told of
+/// finished parts out of [`PARTS`].
 ///
 /// # Errors
 /// A scenario that cannot be set up, or a simulation that fails.

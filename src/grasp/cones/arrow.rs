@@ -100,12 +100,10 @@ pub struct Arrow {
     point: Vec<f64>,
     /// Its gradient; the root's part is what the branch adds to it.
     gradient: Vec<f64>,
-    /// The Newton step.
+    /// The Newton step; while branches are eliminated, what it is where root and earlier joints rest.
     step: Vec<f64>,
     /// Own rows of each branch's Hessian, then of its unit lower factor.
     square: Vec<f64>,
-    /// Inverse pivots, in the places of `point`.
-    pivots: Vec<f64>,
     /// Rows of one block times its cost's second derivative.
     stiff: Vec<f64>,
 }

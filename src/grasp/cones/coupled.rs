@@ -218,24 +218,12 @@ impl CoupledConstraints {
         // as a rule in the same place as in the last step
         let same = |n: &&CoupledConstraint| n.owner == owner && n.rows == rows;
         let before = self.before.get(self.list.len()).filter(same).or_else(|| self.before.iter().find(same));
-        let nothing = [0.0; MAX_ROWS];
-        let (main, force, active_sets) =
-            before.map_or((nothing, nothing, [ActiveSet::Stick; 2]), |n| (n.main, n.force, n.active_sets));
-        let (pairs, solved) = ([0.0; 5], false);
-        self.list.push(CoupledConstraint {
-            cost,
-            rows,
-            first,
-            jacobian,
-            main,
-            force,
-            active_sets,
-            pairs,
-            gives,
-            solved,
-            row,
-            owner,
-        });
+        let mut constraint =
+            CoupledConstraint { cost, first, jacobian, gives, row, ..CoupledConstraint::new(owner, rows) };
+        if let Some(n) = before {
+            (constraint.main, constraint.force, constraint.active_sets) = (n.main, n.force, n.active_sets);
+        }
+        self.list.push(constraint);
         Ok(read)
     }
 
@@ -279,6 +267,24 @@ impl CoupledConstraints {
 }
 
 impl CoupledConstraint {
+    /// One with nothing to remember, and no part in any solve.
+    fn new(owner: Owner, rows: usize) -> Self {
+        CoupledConstraint {
+            cost: Cost::Still,
+            rows,
+            first: 0,
+            jacobian: Jacobian::Dense(0),
+            main: [0.0; MAX_ROWS],
+            force: [0.0; MAX_ROWS],
+            active_sets: [ActiveSet::Stick; 2],
+            pairs: [0.0; 5],
+            gives: false,
+            solved: false,
+            row: 0,
+            owner,
+        }
+    }
+
     /// Number among the foreign, of another grasp's contact.
     pub fn foreign(&self) -> Option<usize> {
         if let Owner::Foreign(number) = self.owner { Some(number) } else { None }

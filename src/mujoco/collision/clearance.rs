@@ -58,9 +58,7 @@ impl Clearance {
     ///
     /// Fails for a simulation of another model.
     pub fn certifies(&mut self, sim: &Simulation) -> Result<bool, Error> {
-        if sim.model().origin() != self.origin {
-            return Err(Error::OtherModel { what: "a clearance" });
-        }
+        sim.model().check_origin(self.origin, "a clearance")?;
         if !detects(sim) {
             return Ok(true);
         }

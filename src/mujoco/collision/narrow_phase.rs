@@ -177,7 +177,7 @@ impl PairCollider {
 
     /// That `sim` is of the model that this was made for.
     pub(super) fn check_model(&self, sim: &Simulation) -> Result<(), Error> {
-        if sim.model().origin() == self.origin { Ok(()) } else { Err(Error::OtherModel { what: "a pair collider" }) }
+        sim.model().check_origin(self.origin, "a pair collider")
     }
 
     /// Whether it is certain that the engine's collision stage would put exactly these contacts of this collider into its

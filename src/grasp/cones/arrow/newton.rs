@@ -48,7 +48,7 @@ impl Arrow {
         for buffer in [&mut self.jar, &mut self.slope, &mut self.forces] {
             buffer.resize(rows, 0.0);
         }
-        for buffer in [&mut self.gradient, &mut self.step, &mut self.pivots] {
+        for buffer in [&mut self.gradient, &mut self.step] {
             buffer.resize(local, 0.0);
         }
         let square = self.branches.last().map_or(0, |b| b.square + b.width * b.stride);
@@ -264,7 +264,6 @@ impl Arrow {
         let stride = branch.stride;
         let own = &mut self.square[branch.square..branch.square + branch.width * stride];
         let right = &mut self.step[branch.local..branch.local + stride];
-        let pivots = &mut self.pivots[branch.local..branch.local + stride];
         right[ROOT..].fill(0.0);
         for (right, gradient) in right[ROOT..].iter_mut().zip(branch.own(&self.gradient)) {
             *right = -gradient;
@@ -287,7 +286,7 @@ impl Arrow {
             axpy_lanes(-pull, &row[..ROOT], step);
             row[ROOT + j..].fill(0.0);
             row.iter_mut().for_each(|x| *x *= inverse);
-            pivots[ROOT + j] = pull;
+            right[ROOT + j] = pull;
         }
     }
 
@@ -296,10 +295,11 @@ impl Arrow {
     fn step_back(&mut self, branch: &Branch, root: &RootVector) {
         let step = &mut self.step[branch.local..branch.local + branch.stride];
         step[..ROOT].copy_from_slice(root);
-        step[ROOT..].fill(0.0);
         let own = &self.square[branch.square..branch.square + branch.width * branch.stride];
         for (j, row) in own.chunks_exact(branch.stride).enumerate() {
-            step[ROOT + j] = self.pivots[branch.local + ROOT + j] - dot_lanes(row, step);
+            // a row of the factor ends before its own joint
+            let moved = dot_lanes(row, step);
+            step[ROOT + j] -= moved;
         }
         let slope = &mut self.slope[branch.row0..];
         branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);

@@ -34,19 +34,15 @@ impl CoupledConstraints {
             let (main, active_sets) = contact
                 .warm_start()
                 .map_or(([0.0; MAX_ROWS], [ActiveSet::Stick; 2]), |memory| (memory.main, memory.active_sets));
+            let owner = Owner::Foreign(self.foreign.len());
             self.list.push(CoupledConstraint {
                 cost: soft.cost,
-                rows,
                 first,
                 jacobian,
                 main,
                 force: main,
                 active_sets,
-                pairs: [0.0; 5],
-                gives: false,
-                solved: false,
-                row: 0,
-                owner: Owner::Foreign(self.foreign.len()),
+                ..CoupledConstraint::new(owner, rows)
             });
             self.foreign.push(contact.clone());
         }

@@ -1,6 +1,6 @@
 //! What the constraints hand on to the next step, to save and restore.
 
-use super::{ActiveSet, Cost, CoupledConstraint, CoupledConstraints, Jacobian, MAX_ROWS, Owner};
+use super::{ActiveSet, CoupledConstraint, CoupledConstraints, MAX_ROWS, Owner};
 
 /// What a constraint hands on to the next step.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -36,22 +36,7 @@ impl SavedConstraint {
     /// A constraint that has this to remember, and no part in any solve.
     fn constraint(&self) -> CoupledConstraint {
         let SavedConstraint { owner, rows, main, force, active_sets } = *self;
-        let (cost, pairs, gives, solved) = (Cost::Still, [0.0; 5], false, false);
-        let jacobian = Jacobian::Dense(0);
-        CoupledConstraint {
-            cost,
-            rows,
-            first: 0,
-            jacobian,
-            main,
-            force,
-            active_sets,
-            pairs,
-            gives,
-            solved,
-            row: 0,
-            owner,
-        }
+        CoupledConstraint { main, force, active_sets, ..CoupledConstraint::new(owner, rows) }
     }
 
     /// The geoms that it names, if it is a contact.

@@ -1,0 +1,90 @@
+//! What `bench` tells.
+
+use serde::Serialize;
+
+/// The JSON object of `bench`.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Version of MuJoCo.
+    pub engine: String,
+    /// Degrees of freedom.
+    pub nv: usize,
+    /// No push.
+    pub still: Phases,
+    /// Along the first push; `None` if there is none, or nothing makes it slip.
+    pub pushed: Option<Phases>,
+    /// Median time of one inverse-kinematics solve whose goals moved by 1 mm \[us\]; `None` without goals.
+    pub ik_us: Option<f64>,
+    /// The first push times this is the smallest that is not held; `None` as for `pushed`.
+    pub onset_factor: Option<f64>,
+    /// Whether the grasp was latched when timing started.
+    pub latched: bool,
+}
+
+/// The variants under one load.
+#[derive(Debug, Serialize)]
+pub struct Phases {
+    /// Timed steps of each variant.
+    pub steps: usize,
+    /// MuJoCo's own solve without noslip.
+    pub full: Timing,
+    /// The same with 10 noslip iterations.
+    pub full_noslip: Timing,
+    /// The model's own solver and noslip, untouched.
+    pub full_default: Timing,
+    /// The grasp controller.
+    pub grasp: Timing,
+    /// The grasp controller with hand and object stepped with the arm, as they always are: `grasp` again.
+    pub exact: Timing,
+    /// No contacts at all.
+    pub floor: Timing,
+    /// How they compare.
+    pub ratio: Ratio,
+}
+
+/// Medians over all calls of a variant.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timing {
+    /// Whole step \[us\].
+    pub step_us: Option<f64>,
+    /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\]; `None` in the engine's
+    /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages.
+    pub contact_us: Option<f64>,
+    /// What the step costs more than the floor's \[us\].
+    pub added_us: Option<f64>,
+    /// Solver and storage of the full solves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver: Option<String>,
+    /// Whether that solver kept the outcome, as every candidate should.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept_outcome: Option<bool>,
+    /// Steps after which the grasp was not latched, which cost what contacts cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unlatched_steps: Option<usize>,
+    /// Steps in which hand and object were stepped apart from the arm: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub substructured_steps: Option<usize>,
+}
+
+/// Ratios of medians.
+#[derive(Debug, Serialize)]
+pub struct Ratio {
+    /// full over grasp, contact part.
+    pub contact: Option<f64>,
+    /// full_noslip over grasp, contact part.
+    pub contact_noslip: Option<f64>,
+    /// full over grasp, whole step.
+    pub step: Option<f64>,
+    /// full_noslip over grasp, whole step.
+    pub step_noslip: Option<f64>,
+    /// The cheaper of full and full_default over grasp, whole step.
+    pub step_default: Option<f64>,
+    /// full over grasp, of what they cost more than the floor; `None` where grasp adds nothing.
+    pub added: Option<f64>,
+    /// The same of full_noslip.
+    pub added_noslip: Option<f64>,
+    /// grasp over floor, whole step.
+    pub step_over_floor: Option<f64>,
+}
