@@ -46,18 +46,33 @@ fn main() -> anyhow::Result<()> {
     for _ in 0..WARM_UP {
         grasps.step(&mut sim)?;
     }
-    let latched = counted_steps(&mut sim, &mut grasps, steps)?;
-    println!("{scenario} {variant}: latched in {latched} of {steps} steps");
+    let counted = counted_steps(&mut sim, &mut grasps, steps)?;
+    let [main, friction] = counted.iterations.map(|iterations| iterations as f64 / steps as f64);
+    println!("{scenario} {variant}: latched in {} of {steps} steps", counted.latched);
+    println!("Newton iterations a step: {main} with soft contacts, {friction} in the friction pass");
     Ok(())
+}
+
+/// What happened in the counted steps.
+struct Counted {
+    /// Steps in which every grasp was latched.
+    latched: usize,
+    /// Newton iterations of the two passes, all grasps together.
+    iterations: [usize; 2],
 }
 
 /// Callgrind counts inside this function; `--toggle-collect` finds it by its name.
 #[inline(never)]
-fn counted_steps(sim: &mut Simulation, grasps: &mut Grasps, steps: usize) -> anyhow::Result<usize> {
-    let mut latched = 0;
+fn counted_steps(sim: &mut Simulation, grasps: &mut Grasps, steps: usize) -> anyhow::Result<Counted> {
+    let mut counted = Counted { latched: 0, iterations: [0; 2] };
     for _ in 0..steps {
         black_box(&mut *grasps).step(sim)?;
-        latched += usize::from(!grasps.is_empty() && grasps.iter().all(|grasp| grasp.phase() == Phase::Grasped));
+        counted.latched +=
+            usize::from(!grasps.is_empty() && grasps.iter().all(|grasp| grasp.phase() == Phase::Grasped));
+        for status in grasps.iter().map(|grasp| grasp.solve_status()) {
+            counted.iterations[0] += status.main.iterations;
+            counted.iterations[1] += status.noslip.iterations;
+        }
     }
-    Ok(latched)
+    Ok(counted)
 }

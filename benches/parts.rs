@@ -72,12 +72,17 @@ fn rows(condim: usize) -> Vec<Rows> {
 
 /// The problem, each contact starting at its force and in its zone of `from`.
 fn fill(arrow: &mut Arrow, rows: &[Rows], law: Cost, from: &[(ActiveSet, [f64; MAX_ROWS])]) {
-    arrow.begin();
+    arrow.begin(ROOT);
     for (finger, (zone, force)) in rows.iter().zip(from) {
         let m = finger.bias.len();
-        arrow.begin_branch();
-        arrow.add_block(law, *zone, &finger.root, &finger.bias, &force[..m]);
-        arrow.end_branch(JOINTS, &finger.own);
+        arrow.begin_branch(JOINTS);
+        let block = arrow.add_block(law, *zone, &finger.bias, &force[..m]);
+        for (i, (y, x)) in finger.root.iter().zip(finger.own.chunks_exact(JOINTS)).enumerate() {
+            let (root, own) = arrow.row(block, i);
+            root.copy_from_slice(y);
+            own.copy_from_slice(x);
+        }
+        arrow.end_branch();
     }
 }
 

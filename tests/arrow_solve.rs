@@ -74,24 +74,39 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
     Problem { fingers, contacts }
 }
 
-/// All unknowns (root, then each finger's joints) by the arrow solve from the start `z`, contacts expected at `zone`.
+/// All unknowns (root, then each finger's joints) by the arrow solve from the start `z`, contacts expected at `zone`. The
+/// problem is posed in unknowns in which the inertia is the identity; the arrow gets each finger's in joints `d` of its
+/// own, `w = T d + K z`.
 fn ours(problem: &Problem, mut z: RootVector, zone: ActiveSet) -> Option<DVector<f64>> {
     let mut arrow = Arrow::default();
     let mut order = Vec::new();
-    arrow.begin();
+    arrow.begin(ROOT);
+    let mut start = ROOT;
     for finger in std::iter::once(None).chain((0..problem.fingers.len()).map(Some)) {
-        let contacts = || problem.contacts.iter().filter(move |c| c.finger == finger);
-        arrow.begin_branch();
-        for c in contacts() {
-            let root: Vec<RootVector> = c.rows.row_iter().map(|row| std::array::from_fn(|j| row[j])).collect();
-            arrow.add_block(c.law, zone, &root, &c.bias, &vec![0.0; c.bias.len()]);
+        let joints = finger.map_or(0, |f| problem.fingers[f]);
+        let t =
+            DMatrix::from_fn(joints, joints, |i, j| if i == j { 1.3 } else { 0.4 * (1.0 + (i * 3 + j) as f64).sin() });
+        let k = DMatrix::from_fn(joints, ROOT, |i, j| 0.3 * ((i * 7 + j * 2) as f64).cos());
+        let (inertia, coupling) = (t.transpose() * &t, t.transpose() * &k);
+        arrow.begin_branch(joints);
+        for j in 0..joints {
+            let (root, own) = arrow.inertia_row(j);
+            root.iter_mut().zip(coupling.row(j).iter()).for_each(|(out, x)| *out = *x);
+            own.iter_mut().zip(inertia.row(j).iter()).for_each(|(out, x)| *out = *x);
+        }
+        for c in problem.contacts.iter().filter(|c| c.finger == finger) {
+            let block = arrow.add_block(c.law, zone, &c.bias, &vec![0.0; c.bias.len()]);
+            let whitened = c.rows.columns(start, joints);
+            let (of_root, of_joints) = (c.rows.columns(0, ROOT) + whitened * &k, whitened * &t);
+            for i in 0..c.bias.len() {
+                let (root, own) = arrow.row(block, i);
+                root.iter_mut().zip(of_root.row(i).iter()).for_each(|(out, x)| *out = *x);
+                own.iter_mut().zip(of_joints.row(i).iter()).for_each(|(out, x)| *out = *x);
+            }
             order.push(c);
         }
-        let joints = if finger.is_some() { problem.contacts[0].rows.ncols() - ROOT } else { 0 };
-        let rows: Vec<f64> = contacts()
-            .flat_map(|c| c.rows.row_iter().flat_map(|r| r.iter().skip(ROOT).take(joints).copied().collect::<Vec<_>>()))
-            .collect();
-        arrow.end_branch(joints, &rows);
+        arrow.end_branch();
+        start += joints;
     }
     let status = arrow.solve(&mut z);
     let mut all = DVector::zeros(problem.contacts[0].rows.ncols());
@@ -184,4 +199,64 @@ fn soft_contacts_match_a_general_solver() {
 #[test]
 fn friction_pass_matches_a_general_solver() {
     compare(true);
+}
+
+/// A cost on one joint is the same as a block with one entry in its row.
+#[test]
+fn a_single_is_a_block_of_one_entry() {
+    let costs = [
+        Cost::Unilateral { stiffness: 3.0 },
+        Cost::Bounded { centre: 0.1, stiffness: 40.0, limit: 0.3 },
+        Cost::Bounded { centre: 0.0, stiffness: 0.5, limit: 0.2 },
+    ];
+    let zones = [ActiveSet::Open, ActiveSet::Facet(0b10), ActiveSet::Facet(0b01)];
+    let mut ends = Vec::new();
+    // nothing of the first problem stays in the workspace
+    let mut arrow = Arrow::default();
+    for single in [true, false] {
+        arrow.begin(6);
+        arrow.begin_branch(3);
+        for j in 0..3 {
+            let (root, own) = arrow.inertia_row(j);
+            root[j] = 0.3;
+            own[j] = 0.7 + j as f64;
+        }
+        let friction = [0.6; 5];
+        let contact = Cost::Elliptic { stiffness: 20.0, cone: 0.6, friction };
+        let block = arrow.add_block(contact, ActiveSet::Stick, &[-2.0, 0.5, 0.3], &[0.0; 3]);
+        for i in 0..3 {
+            let (root, own) = arrow.row(block, i);
+            root.iter_mut().take(6).enumerate().for_each(|(k, x)| *x = ((i * 5 + k) as f64).sin());
+            own.iter_mut().enumerate().for_each(|(k, x)| *x = ((i + k * 3) as f64).cos());
+        }
+        for (j, (cost, zone)) in costs.into_iter().zip(zones).enumerate() {
+            let (entry, bias) = (1.0 + 0.5 * j as f64, -0.4 + 0.3 * j as f64);
+            if single {
+                arrow.add_single(cost, zone, (j, entry), bias, 0.0);
+            } else {
+                let block = arrow.add_block(cost, zone, &[bias], &[0.0]);
+                arrow.row(block, 0).1[j] = entry;
+            }
+        }
+        arrow.end_branch();
+        let mut z = [0.0; ROOT];
+        assert!(arrow.solve(&mut z).converged);
+        let of_joint = |j: usize| {
+            if single {
+                (arrow.single(j).force, arrow.single(j).active_set())
+            } else {
+                (arrow.response(j + 1).force[0], arrow.response(j + 1).active_set)
+            }
+        };
+        let joints: Vec<_> = (0..3).map(of_joint).collect();
+        arrow.keep(|_, _| [0.0; 6], |_, _| 0.0);
+        let mobility = if single { arrow.single(1).mobility } else { arrow.mobility(2) };
+        ends.push((z, arrow.response(0).force, joints, mobility));
+    }
+    let (a, b) = (&ends[0], &ends[1]);
+    assert!(a.0.iter().zip(&b.0).chain(a.1.iter().zip(&b.1)).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+    for ((force, zone), (other, as_block)) in a.2.iter().zip(&b.2) {
+        assert!((force - other).abs() < 1e-12 && zone == as_block, "{a:?} {b:?}");
+    }
+    assert!((a.3 - b.3).abs() < 1e-14);
 }

@@ -20,6 +20,7 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
 }
 
 /// Euclidean norm.
+#[cfg(test)]
 pub fn norm(x: &[f64]) -> f64 {
     dot(x, x).sqrt()
 }
@@ -38,10 +39,13 @@ pub const LANES: usize = 4;
 /// [`dot`] of rows in whole vectors.
 #[inline(always)]
 pub fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
+    let (x, y) = (x.as_chunks::<LANES>().0, y.as_chunks::<LANES>().0);
+    let n = x.len().min(y.len());
+    let (x, y) = (&x[..n], &y[..n]);
     let mut strands = [0.0; LANES];
-    for (a, b) in x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0) {
+    for c in 0..n {
         for k in 0..LANES {
-            strands[k] += a[k] * b[k];
+            strands[k] += x[c][k] * y[c][k];
         }
     }
     (strands[0] + strands[2]) + (strands[1] + strands[3])
@@ -50,10 +54,16 @@ pub fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
 /// [`axpy`] of rows in whole vectors.
 #[inline(always)]
 pub fn axpy_lanes(a: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.as_chunks_mut::<LANES>().0.iter_mut().zip(x.as_chunks::<LANES>().0) {
+    let (x, y) = (x.as_chunks::<LANES>().0, y.as_chunks_mut::<LANES>().0);
+    let n = x.len().min(y.len());
+    let (x, y) = (&x[..n], &mut y[..n]);
+    for c in 0..n {
+        // a copy: written in place, each number might change the next of `x` for all that the compiler knows
+        let mut sum = y[c];
         for k in 0..LANES {
-            y[k] += a * x[k];
+            sum[k] += a * x[c][k];
         }
+        y[c] = sum;
     }
 }
 

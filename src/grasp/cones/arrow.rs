@@ -1,25 +1,32 @@
-//! The grasp problem with its Hessian's arrow shape: a root of twelve unknowns, and fingers that know only themselves and
-//! the root.
+//! The grasp problem with its Hessian's arrow shape: a root of at most twelve unknowns, and fingers that know only
+//! themselves and the root.
 //!
 //! The next motion minimises an inertial cost plus one convex cost for each contact:
 //!
 //! ```text
-//! 1/2 |z|^2  +  sum over branches of 1/2 |w|^2  +  sum over contacts of s(bias + Y z + X w)
+//! 1/2 |z|^2  +  sum over branches of 1/2 |d + M^-1 N z|^2_M  +  sum over contacts of s(bias + Y z + X d)
 //! ```
 //!
-//! `z` are the twelve whitened accelerations of palm and target (the *root*), `w` those of the joints of one *branch* (a
-//! finger, as a rule), of which a contact's rows see `X w`. Each branch is eliminated by a factorization of its own size,
-//! and what is left are the root's twelve unknowns however many fingers and contacts there are.
+//! `z` are the whitened accelerations of palm and target (the *root*), `d` those of the joints of one *branch* (a finger, as
+//! a rule), `M` the branch's inertia and `N` its coupling to the palm. In joints' own coordinates a joint limit or friction
+//! loss is one entry on the diagonal of the Hessian. Each branch is eliminated by a factorization of its own size, and
+//! what is left are the root's unknowns however many fingers and contacts there are.
 
+mod branch;
 mod newton;
+mod single;
 
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, Response};
-use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
+use crate::grasp::linalg::LANES;
+use branch::Branch;
+use single::Single;
 
-/// Unknowns of the root: the palm's six and the target's six.
+/// Most unknowns of the root: the palm's six and the target's six.
 pub const ROOT: usize = 12;
-/// One number for each unknown of the root.
+/// One number for each unknown of the root; those beyond the present problem's are zero.
 pub type RootVector = [f64; ROOT];
+/// Symmetric, row-major with as many columns as the present problem's root.
+type RootMatrix = [f64; ROOT * ROOT];
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,7 +37,7 @@ pub struct Status {
     pub converged: bool,
 }
 
-/// One contact (or scalar row): a cost on some rows of one branch and the root.
+/// One contact, or another cost on some rows of one branch and the root.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     branch: usize,
@@ -39,151 +46,197 @@ struct Block {
     row0: usize,
     cost: Cost,
     response: Response,
+    mobility: f64,
 }
-
-/// Blocks that share joints.
-#[derive(Clone, Copy, Debug)]
-struct Branch {
-    blocks: (usize, usize),
-    row0: usize,
-    rows: usize,
-    /// Unknowns of its own: the joints, or as many combinations of them as there are rows.
-    width: usize,
-    /// Length of `[root; own]`, filled up with zeros to a multiple of [`LANES`](linalg::LANES).
-    stride: usize,
-    /// Offset of `[Y X]`, one row of `stride` for each of the branch's.
-    matrix: usize,
-    /// Offset in the arrays that hold `[root; own]` of each branch.
-    local: usize,
-    /// Offset of its own rows of the Hessian, `width` of `stride`.
-    square: usize,
-}
-
-/// Does `$call` with a branch whose stride the compiler knows, so that the loops over its rows unroll.
-macro_rules! unrolled {
-    ($branch:ident => $call:expr) => {
-        match $branch.stride {
-            12 => unrolled!(12, $branch => $call),
-            16 => unrolled!(16, $branch => $call),
-            20 => unrolled!(20, $branch => $call),
-            24 => unrolled!(24, $branch => $call),
-            _ => $call,
-        }
-    };
-    ($stride:literal, $branch:ident => $call:expr) => {{
-        let $branch = Branch { stride: $stride, ..$branch };
-        $call
-    }};
-}
-use unrolled;
 
 /// The problem and its workspace; buffers are kept from step to step, so that a warm solve allocates nothing.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Arrow {
+    /// Unknowns of the root, filled up with zeros to a multiple of [`LANES`].
+    root: usize,
     branches: Vec<Branch>,
     /// Those of this problem come first; the others are room for larger ones.
     blocks: Vec<Block>,
     used: usize,
-    /// `Y` of the branch that is being made.
-    root_rows: Vec<RootVector>,
+    singles: Vec<Single>,
+    /// `-sum N' M^-1 N`, lower triangle.
+    coupling: RootMatrix,
+    /// `1 + sum N' M^-1 N`: the root's inertia with the branches' joints held.
+    root_inertia: RootMatrix,
+    /// `[N M]` of each branch, row-major, `width` rows of `stride`.
+    inertia: Vec<f64>,
+    /// Its factor, as [`Branch::factorize`] leaves it, and the inverse pivots.
+    inertia_factor: Vec<f64>,
+    inertia_pivots: Vec<f64>,
     /// `[Y X]` of each branch, row-major.
     matrix: Vec<f64>,
     bias: Vec<f64>,
-    /// Forces from which `w` starts.
+    /// Forces from which the point starts.
     start: Vec<f64>,
     /// `f`, what the costs answer.
     forces: Vec<f64>,
     jar: Vec<f64>,
     /// Change of `jar` along the Newton step.
     slope: Vec<f64>,
-    /// `[z; w]` of each branch.
+    /// `[z; d]` of each branch.
     point: Vec<f64>,
     /// Its gradient; the root's part is what the branch adds to it.
     gradient: Vec<f64>,
-    /// The Newton step; while branches are eliminated, what it is where root and earlier joints rest.
+    /// The Newton step.
     step: Vec<f64>,
-    /// Own rows of each branch's Hessian, then of its unit lower factor.
-    square: Vec<f64>,
+    /// Factor of the Hessian and inverse pivots, of each branch and of the root.
+    factor: Vec<f64>,
+    pivots: Vec<f64>,
+    root_factor: RootMatrix,
+    root_pivots: RootVector,
+    /// True if the Hessian is not that of `factor`.
+    stale: bool,
     /// Rows of one block times its cost's second derivative.
     stiff: Vec<f64>,
+    /// One row.
+    row: Vec<f64>,
+}
+
+impl Default for Arrow {
+    fn default() -> Self {
+        Arrow {
+            root: ROOT,
+            branches: Vec::new(),
+            blocks: Vec::new(),
+            used: 0,
+            singles: Vec::new(),
+            coupling: [0.0; ROOT * ROOT],
+            root_inertia: [0.0; ROOT * ROOT],
+            inertia: Vec::new(),
+            inertia_factor: Vec::new(),
+            inertia_pivots: Vec::new(),
+            matrix: Vec::new(),
+            bias: Vec::new(),
+            start: Vec::new(),
+            forces: Vec::new(),
+            jar: Vec::new(),
+            slope: Vec::new(),
+            point: Vec::new(),
+            gradient: Vec::new(),
+            step: Vec::new(),
+            factor: Vec::new(),
+            pivots: Vec::new(),
+            root_factor: [0.0; ROOT * ROOT],
+            root_pivots: [0.0; ROOT],
+            stale: true,
+            stiff: Vec::new(),
+            row: Vec::new(),
+        }
+    }
 }
 
 impl Arrow {
-    /// Starts a new problem.
-    pub fn begin(&mut self) {
-        self.branches.clear();
+    /// Starts a new problem with `root` unknowns of palm and target, at most [`ROOT`].
+    pub fn begin(&mut self, root: usize) {
+        self.root = root.next_multiple_of(LANES).min(ROOT);
+        self.stale = true;
         self.used = 0;
-        self.matrix.clear();
-        self.bias.clear();
-        self.start.clear();
-        self.point.clear();
+        self.coupling.fill(0.0);
+        self.branches.clear();
+        self.singles.clear();
+        for buffer in [
+            &mut self.inertia,
+            &mut self.inertia_factor,
+            &mut self.inertia_pivots,
+            &mut self.matrix,
+            &mut self.bias,
+            &mut self.start,
+            &mut self.point,
+        ] {
+            buffer.clear();
+        }
     }
 
-    /// Starts a branch: blocks added from now on share its joints.
-    pub fn begin_branch(&mut self) {
-        let block = self.used;
-        self.root_rows.clear();
-        self.branches.push(Branch {
-            blocks: (block, block),
+    /// Starts a branch with `joints` unknowns of its own, none or those of some fingers. Their inertia is the identity, apart
+    /// from the root, where [`inertia_row`](Self::inertia_row) is not set.
+    pub fn begin_branch(&mut self, joints: usize) {
+        let stride = self.root + joints.next_multiple_of(LANES);
+        let branch = Branch {
+            blocks: (self.used, self.used),
+            singles: (self.singles.len(), self.singles.len()),
             row0: self.bias.len(),
             rows: 0,
-            width: 0,
-            stride: ROOT,
+            root: self.root,
+            width: joints,
+            stride,
             matrix: self.matrix.len(),
             local: self.point.len(),
-            square: self.branches.last().map_or(0, |b| b.square + b.width * b.stride),
-        });
+            square: self.inertia.len(),
+            pivot: self.inertia_pivots.len(),
+        };
+        self.inertia.resize(branch.square + joints * stride, 0.0);
+        for (j, row) in self.inertia[branch.square..].chunks_exact_mut(stride).enumerate() {
+            row[self.root + j] = 1.0;
+        }
+        self.inertia_pivots.resize(branch.pivot + joints, 0.0);
+        self.point.resize(branch.local + stride, 0.0);
+        self.branches.push(branch);
     }
 
-    /// Adds a contact to the present branch: one entry of `root_rows`, `bias` and `forces` for each row. `forces` is
-    /// where the solve starts and `active_set` where on its cone the contact is expected.
-    pub fn add_block(
-        &mut self,
-        cost: Cost,
-        active_set: ActiveSet,
-        root_rows: &[RootVector],
-        bias: &[f64],
-        forces: &[f64],
-    ) {
+    /// The inertia of joint `joint` of the present branch: `N` of the root's unknowns and `M` of the branch's own.
+    pub fn inertia_row(&mut self, joint: usize) -> (&mut [f64], &mut [f64]) {
+        let Some(branch) = self.branches.last() else { return (&mut [], &mut []) };
+        let start = branch.square + joint * branch.stride;
+        let (root, own) = self.inertia[start..start + branch.stride].split_at_mut(branch.root);
+        (root, &mut own[..branch.width])
+    }
+
+    /// Adds a contact to the present branch: one entry of `bias` and `forces` for each row. `forces` is where the solve
+    /// starts and `active_set` where on its cone the contact is expected. Returns its number; its rows are
+    /// [set](Self::row) after it.
+    pub fn add_block(&mut self, cost: Cost, active_set: ActiveSet, bias: &[f64], forces: &[f64]) -> usize {
+        let Some(branch) = self.branches.last_mut() else { return 0 };
         if self.used == self.blocks.len() {
-            self.blocks.push(Block { branch: 0, rows: 0, row0: 0, cost, response: Response::open() });
+            self.blocks.push(Block { branch: 0, rows: 0, row0: 0, cost, response: Response::open(), mobility: 0.0 });
         }
+        branch.blocks.1 += 1;
+        branch.rows += bias.len();
+        self.matrix.resize(branch.matrix + branch.rows * branch.stride, 0.0);
         // second derivatives are many numbers: those of an earlier problem stay until they are set in this one
         let block = &mut self.blocks[self.used];
-        (block.branch, block.rows, block.row0) = (self.branches.len().saturating_sub(1), bias.len(), self.bias.len());
+        (block.branch, block.rows, block.row0) = (self.branches.len() - 1, bias.len(), self.bias.len());
         block.cost = cost;
         (block.response.force, block.response.active_set) = ([0.0; MAX_ROWS], active_set);
         self.used += 1;
-        self.root_rows.extend_from_slice(root_rows);
         self.bias.extend_from_slice(bias);
         self.start.extend_from_slice(forces);
-        if let Some(branch) = self.branches.last_mut() {
-            branch.blocks.1 += 1;
-            branch.rows += bias.len();
-        }
+        self.used - 1
     }
 
-    /// Ends a branch. `own_rows`: how its rows see its joints, whitened; one row of `joints` entries for each.
-    pub fn end_branch(&mut self, joints: usize, own_rows: &[f64]) {
-        let Some(branch) = self.branches.last_mut() else { return };
-        let m = branch.rows;
-        branch.width = joints.min(m);
-        branch.stride = (ROOT + branch.width).next_multiple_of(linalg::LANES);
-        self.matrix.resize(branch.matrix + m * branch.stride, 0.0);
-        self.point.resize(branch.local + branch.stride, 0.0);
-        // more joints than rows: as many unknowns as rows give the same rows, X X' being the same
-        let few = (joints > m).then(|| {
-            self.square.resize(self.square.len().max(branch.square + m * m), 0.0);
-            let row = |i: usize| &own_rows[i * joints..(i + 1) * joints];
-            let factor = &mut self.square[branch.square..branch.square + m * m];
-            linalg::semidefinite_factor(m, |i, j| linalg::dot(row(i), row(j)), factor);
-            &self.square[branch.square..branch.square + m * m]
-        });
-        let (own_rows, width) = (few.unwrap_or(own_rows), branch.width);
-        for (i, row) in self.matrix[branch.matrix..].chunks_exact_mut(branch.stride).enumerate() {
-            row[..ROOT].copy_from_slice(&self.root_rows[i]);
-            row[ROOT..ROOT + width].copy_from_slice(&own_rows[i * width..(i + 1) * width]);
-        }
+    /// Row `row` of a block of the present branch: `Y` of the root's unknowns and `X` of the branch's own; zero at first.
+    pub fn row(&mut self, block: usize, row: usize) -> (&mut [f64], &mut [f64]) {
+        let b = &self.blocks[block];
+        let branch = &self.branches[b.branch];
+        let start = branch.matrix + (b.row0 - branch.row0 + row) * branch.stride;
+        let (root, own) = self.matrix[start..start + branch.stride].split_at_mut(branch.root);
+        (root, &mut own[..branch.width])
+    }
+
+    /// Adds a cost on one joint of the present branch: [`Cost::Unilateral`] or [`Cost::Bounded`] on `bias + entry d_joint`.
+    pub fn add_single(
+        &mut self,
+        cost: Cost,
+        active_set: ActiveSet,
+        (joint, entry): (usize, f64),
+        bias: f64,
+        force: f64,
+    ) -> usize {
+        let Some(branch) = self.branches.last_mut() else { return 0 };
+        branch.singles.1 += 1;
+        self.singles.push(Single::new(&cost, active_set, branch, (joint, entry), bias, force));
+        self.singles.len() - 1
+    }
+
+    /// Ends a branch: its inertia is set.
+    pub fn end_branch(&mut self) {
+        let Some(&branch) = self.branches.last() else { return };
+        self.inertia_factor.extend_from_slice(&self.inertia[branch.square..]);
+        self.factorize_inertia(branch);
     }
 
     /// The cost of block `block`.
@@ -202,97 +255,69 @@ impl Arrow {
         &self.jar[b.row0..b.row0 + b.rows]
     }
 
-    /// How easily row `row` of block `block` moves [1/kg]: `|Y_i|^2 + |X_i|^2`.
-    pub fn row_inverse_inertia(&self, block: usize, row: usize) -> f64 {
+    /// Cost `single` on a joint, at the solution.
+    pub fn single(&self, single: usize) -> &Single {
+        &self.singles[single]
+    }
+
+    /// How easily the second row of block `block` moves, its first if it has no other [1/kg]: `J M^-1 J'` of the whole. Known
+    /// after [`keep`](Self::keep).
+    pub fn mobility(&self, block: usize) -> f64 {
+        self.blocks[block].mobility
+    }
+
+    /// As [`mobility`](Self::mobility), of row `row`.
+    pub fn row_mobility(&mut self, block: usize, row: usize) -> f64 {
         let b = &self.blocks[block];
         let branch = &self.branches[b.branch];
-        let row = branch.row(&self.matrix, b.row0 - branch.row0 + row);
-        dot_lanes(row, row)
+        let entries = &mut self.row[..branch.stride];
+        entries.copy_from_slice(branch.row(&self.matrix, b.row0 - branch.row0 + row));
+        branch.mobility(&self.inertia_factor, &self.inertia_pivots, entries)
     }
 
-    /// Goes on to the next problem on the same rows: what stands of the solution so far (`kept`, one force for each
-    /// row) becomes a part of the bias, each block gets a new cost and expected active set, and the solve starts at the forces
-    /// `start`.
-    pub fn continue_with(&mut self, kept: &[f64], start: &[f64], mut recost: impl FnMut(usize) -> (Cost, ActiveSet)) {
-        self.start.copy_from_slice(kept);
-        let moved = self.point_from_start();
-        self.set_root(&moved);
-        for &branch in &self.branches {
-            let bias = &mut self.bias[branch.row0..];
-            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| bias[i] += moved));
+    /// Makes a part of the bias of what stands of the solution so far: forces `of_block` and `of_single`, one for each row, by
+    /// their number and what they have come to.
+    pub fn keep(
+        &mut self,
+        of_block: impl Fn(usize, &[f64; MAX_ROWS]) -> [f64; MAX_ROWS],
+        of_single: impl Fn(usize, f64) -> f64,
+    ) {
+        for (k, b) in self.blocks[..self.used].iter().enumerate() {
+            self.start[b.row0..b.row0 + b.rows].copy_from_slice(&of_block(k, &b.response.force)[..b.rows]);
         }
-        self.start.copy_from_slice(start);
-        for (k, block) in self.blocks[..self.used].iter_mut().enumerate() {
-            (block.cost, block.response.active_set) = recost(k);
+        for (k, s) in self.singles.iter_mut().enumerate() {
+            s.start = of_single(k, s.force);
         }
+        self.absorb_start();
+        self.stale = true;
     }
 
-    /// `w = X' f` of the starting forces; returns `Y' f`.
-    #[inline(always)]
-    fn point_from_start(&mut self) -> RootVector {
-        let mut root = [0.0; ROOT];
-        for k in 0..self.branches.len() {
-            let branch = self.branches[k];
-            unrolled!(branch => self.point_of(&branch));
-            axpy_lanes(1.0, &self.point[branch.local..branch.local + ROOT], &mut root);
-        }
-        root
+    /// Gives block `block` another cost, the active set in which it is expected, and forces at which the next solve starts.
+    pub fn recost(&mut self, block: usize, cost: Cost, active_set: ActiveSet, start: &[f64; MAX_ROWS]) {
+        let b = &mut self.blocks[block];
+        (b.cost, b.response.active_set) = (cost, active_set);
+        self.start[b.row0..b.row0 + b.rows].copy_from_slice(&start[..b.rows]);
     }
 
-    #[inline(always)]
-    fn point_of(&mut self, branch: &Branch) {
-        let point = &mut self.point[branch.local..branch.local + branch.stride];
-        point.fill(0.0);
-        for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
-            axpy_lanes(*f, row, point);
-        }
+    /// As [`recost`](Self::recost), of cost `single`.
+    pub fn recost_single(&mut self, single: usize, cost: &Cost, active_set: ActiveSet, start: f64) {
+        self.singles[single].recost(cost, active_set, start);
     }
 
-    /// Copies `z` into the point of each branch.
-    #[inline(always)]
-    fn set_root(&mut self, z: &RootVector) {
-        for branch in &self.branches {
-            self.point[branch.local..branch.local + ROOT].copy_from_slice(z);
-        }
-    }
-}
-
-impl Branch {
-    /// Row `i` of the branch's `[Y X]`.
-    #[inline(always)]
-    fn row<'a>(&self, matrix: &'a [f64], i: usize) -> &'a [f64] {
-        let start = self.matrix + i * self.stride;
-        &matrix[start..start + self.stride]
-    }
-
-    /// All of them.
-    #[inline(always)]
-    fn rows<'a>(&self, matrix: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
-        matrix[self.matrix..self.matrix + self.rows * self.stride].chunks_exact(self.stride)
-    }
-
-    /// Calls `row` with `[Y X] x` of each row, `x` being the branch's in `vector`.
-    #[inline(always)]
-    fn apply(&self, matrix: &[f64], vector: &[f64], mut row: impl FnMut(usize, f64)) {
-        let x = &vector[self.local..self.local + self.stride];
-        for (i, entries) in self.rows(matrix).enumerate() {
-            row(i, dot_lanes(entries, x));
-        }
-    }
-
-    /// Its own unknowns in `vector`.
-    #[inline(always)]
-    fn own<'a>(&self, vector: &'a [f64]) -> &'a [f64] {
-        &vector[self.local + ROOT..self.local + ROOT + self.width]
+    /// Centres each friction loss of a joint at its force.
+    pub fn centre_singles(&mut self) {
+        self.singles.iter_mut().for_each(Single::centre);
     }
 }
 
 impl Block {
     /// [`Cost::Slip`] leaves the normal row, which comes first, alone.
+    #[inline(always)]
     fn first_row(&self) -> usize {
         usize::from(matches!(self.cost, Cost::Slip { .. }))
     }
 
+    #[inline(always)]
     fn store_force(&self, forces: &mut [f64]) {
         let first = self.first_row();
         let forces = &mut forces[self.row0..self.row0 + self.rows];

@@ -165,6 +165,25 @@ impl CoupledConstraints {
         (cost, n.active_sets[1])
     }
 
+    /// How many of the first rows of constraint `i` keep the force of the pass with soft contacts in the friction pass.
+    pub fn kept_rows(&self, i: usize) -> usize {
+        let n = &self.list[i];
+        match n.cost {
+            _ if n.gives => 0,
+            Cost::Elliptic { .. } | Cost::Pyramidal { .. } if self.friction_pass => 1,
+            Cost::Bounded { limit, .. } if self.friction_pass && limit.is_finite() => 0,
+            _ => n.rows,
+        }
+    }
+
+    /// As [`end_friction_pass`](Self::end_friction_pass), of a row on one joint.
+    pub fn end_single_friction_pass(&mut self, i: usize, force: f64, active_set: ActiveSet) {
+        if self.kept_rows(i) == 0 {
+            let n = &mut self.list[i];
+            (n.force[0], n.active_sets[1]) = (force, active_set);
+        }
+    }
+
     /// Takes the result of the friction pass for the rows that its cost governs, from row `first` on.
     pub fn end_friction_pass(&mut self, i: usize, first: usize, force: &[f64; MAX_ROWS], active_set: ActiveSet) {
         let n = &mut self.list[i];

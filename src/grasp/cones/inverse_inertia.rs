@@ -7,6 +7,7 @@
 //! Spatial vectors are `[rotation; translation]` about the centre of mass of the body's kinematic tree, as MuJoCo's
 //! `cdof`, `crb` and `cvel`.
 
+use crate::grasp::cones::arrow::Arrow;
 use crate::grasp::hand::topology::Topology;
 pub use crate::grasp::linalg::Spatial;
 use crate::mujoco::MassFactor;
@@ -74,18 +75,31 @@ impl Dynamics<'_> {
     /// `x <- D^-1/2 L^-T x`: a row of a Jacobian in coordinates in which the mass matrix is the identity.
     pub fn whiten(&self, x: &mut [f64]) {
         for dof in (0..x.len()).rev() {
-            let value = x[dof];
-            if value == 0.0 {
-                continue;
+            if x[dof] != 0.0 {
+                self.whiten_at(dof, x);
             }
-            let mut ancestor = self.parent(dof);
-            for l in self.ancestors_factor(dof) {
-                let Some(j) = ancestor else { break };
-                x[j] -= l * value;
-                ancestor = self.parent(j);
-            }
-            x[dof] = value * self.inverse_diagonal[dof].sqrt();
         }
+    }
+
+    /// As [`whiten`](Self::whiten), of a row with entries for `dof` and its ancestors only.
+    pub fn whiten_chain(&self, dof: usize, x: &mut [f64]) {
+        self.with_ancestors(dof).for_each(|dof| self.whiten_at(dof, x));
+    }
+
+    /// A degree of freedom and those before it, towards the base.
+    pub fn with_ancestors(&self, dof: usize) -> impl Iterator<Item = usize> {
+        std::iter::successors(Some(dof), |&dof| self.parent(dof))
+    }
+
+    fn whiten_at(&self, dof: usize, x: &mut [f64]) {
+        let value = x[dof];
+        let mut ancestor = self.parent(dof);
+        for l in self.ancestors_factor(dof) {
+            let Some(j) = ancestor else { break };
+            x[j] -= l * value;
+            ancestor = self.parent(j);
+        }
+        x[dof] = value * self.inverse_diagonal[dof].sqrt();
     }
 
     /// Momentum of the subtree at `dof` per unit of its velocity: `crb * cdof`, a column of the mass matrix in space.
@@ -144,15 +158,14 @@ impl BodyInverseInertia {
         }
     }
 
-    /// Takes out of a whitened row what moves this body, and returns it in the body's own coordinates `y`; what stays in
-    /// the row leaves the body at rest.
-    pub fn take(&self, row: &mut [f64]) -> Spatial {
+    /// Takes out of a whitened row what moves this body, into the body's own coordinates `y`, as many as its
+    /// [rank](Self::rank); what stays in the row leaves the body at rest.
+    pub fn take(&self, row: &mut [f64], y: &mut [f64]) {
         if self.columns.len() <= 6 {
-            let mut y = Spatial::zeros();
             for (y, &dof) in y.iter_mut().zip(&self.chain) {
                 *y = std::mem::take(&mut row[dof]);
             }
-            return y;
+            return;
         }
         let mut moved = Spatial::zeros();
         let mut largest = 0.0f64;
@@ -160,13 +173,26 @@ impl BodyInverseInertia {
             moved += column * row[dof];
             largest = largest.max(row[dof].abs());
         }
-        let y = forward(&self.factor, moved);
-        let wrench = backward(&self.factor, y);
+        let taken = forward(&self.factor, moved);
+        y.copy_from_slice(taken.as_slice());
+        let wrench = backward(&self.factor, taken);
         for (column, &dof) in self.columns.iter().zip(&self.chain) {
             let rest = row[dof] - column.dot(&wrench);
             row[dof] = if rest.abs() > ROUNDING * largest { rest } else { 0.0 };
         }
-        y
+    }
+
+    /// Number of the body's own coordinates `y`; the factor's further columns are zero.
+    pub fn rank(&self) -> usize {
+        self.columns.len().min(6)
+    }
+
+    /// A wrench on the body in its own coordinates: `factor^T wrench`, into as many entries as its rank.
+    #[inline]
+    pub fn own(&self, wrench: &Spatial, out: &mut [f64]) {
+        for (k, out) in out.iter_mut().take(self.rank()).enumerate() {
+            *out = self.factor.column(k).dot(wrench);
+        }
     }
 
     /// The degrees of freedom that move the body, from the nearest to the base.
@@ -242,43 +268,45 @@ pub struct FingerInverseInertia {
     /// Position in `dofs` of each joint's nearest ancestor within the finger.
     parents: Vec<Option<usize>>,
     axes: Vec<Spatial>,
-    /// `L_f^-T F`, `F` the momentum of each joint: what holding the palm back costs.
-    momenta: Vec<Spatial>,
 }
 
 impl FingerInverseInertia {
     /// The finger with these degrees of freedom, parents first.
     pub fn new(dofs: Vec<usize>, dof_parent: &[i32]) -> Self {
         let parents = dofs.iter().map(|&d| dofs.iter().position(|&p| p as i32 == dof_parent[d])).collect();
-        FingerInverseInertia {
-            axes: vec![Spatial::zeros(); dofs.len()],
-            momenta: vec![Spatial::zeros(); dofs.len()],
-            dofs,
-            parents,
-        }
-    }
-
-    /// Number of joints.
-    pub fn len(&self) -> usize {
-        self.dofs.len()
+        FingerInverseInertia { axes: vec![Spatial::zeros(); dofs.len()], dofs, parents }
     }
 
     /// Updates to the present state.
     pub fn update(&mut self, dynamics: &Dynamics<'_>) {
-        for (k, &dof) in self.dofs.iter().enumerate() {
-            self.axes[k] = dynamics.axis(dof);
-            self.momenta[k] = dynamics.momentum(dof);
+        for (axis, &dof) in self.axes.iter_mut().zip(&self.dofs) {
+            *axis = dynamics.axis(dof);
         }
-        for k in (0..self.dofs.len()).rev() {
-            let factor = dynamics.ancestors_factor(self.dofs[k]);
-            let momentum = self.momenta[k];
-            let mut ancestor = self.parents[k];
-            for l in factor {
-                let Some(j) = ancestor else { break };
-                self.momenta[j] -= momentum * l;
-                ancestor = self.parents[j];
+    }
+
+    /// Sets the inertia of the joints in the present branch of `arrow`, among whose own unknowns they begin at `offset`: their
+    /// coupling to the palm, and their part of the mass matrix, `M = L^T D L`.
+    pub fn set_inertia(&self, dynamics: &Dynamics<'_>, palm: &BodyInverseInertia, arrow: &mut Arrow, offset: usize) {
+        for (k, &dof) in self.dofs.iter().enumerate() {
+            let (root, own) = arrow.inertia_row(offset + k);
+            palm.own(&dynamics.momentum(dof), root);
+            own[offset + k] = 0.0;
+        }
+        for (k, &dof) in self.dofs.iter().enumerate() {
+            let d = 1.0 / dynamics.inverse_diagonal[dof];
+            for (i, left) in self.factor_row(dynamics, k) {
+                let (_, own) = arrow.inertia_row(offset + i);
+                for (j, right) in self.factor_row(dynamics, k) {
+                    own[offset + j] += d * left * right;
+                }
             }
         }
+    }
+
+    /// Row `k` of the mass matrix' factor `L` within the finger: position and entry, the diagonal first.
+    fn factor_row(&self, dynamics: &Dynamics<'_>, k: usize) -> impl Iterator<Item = (usize, f64)> {
+        let chain = std::iter::successors(Some(k), |&k| self.parents[k]);
+        chain.zip(std::iter::once(1.0).chain(dynamics.ancestors_factor(self.dofs[k])))
     }
 
     /// Acceleration of the link on `leaf` relative to the palm, without constraint forces.
@@ -292,45 +320,14 @@ impl FingerInverseInertia {
         out
     }
 
-    /// The row of a unit wrench on the link whose last joint is `leaf`: one whitened entry for each joint of the finger,
-    /// the square of whose norm is the row's inverse inertia. Returns the wrench on the palm when the joints give way.
-    pub fn row(&self, dynamics: &Dynamics<'_>, leaf: usize, wrench: &Spatial, whitened: &mut [f64]) -> Spatial {
-        whitened.fill(0.0);
+    /// The row of a wrench on the link whose last joint is `leaf`: its force on each of the joints before it, into one entry
+    /// for each joint of the finger.
+    pub fn row(&self, leaf: usize, wrench: &Spatial, out: &mut [f64]) {
         let mut at = self.position(leaf);
         while let Some(k) = at {
-            whitened[k] = self.axes[k].dot(wrench);
+            out[k] = self.axes[k].dot(wrench);
             at = self.parents[k];
         }
-        *wrench + self.whiten(dynamics, leaf, whitened)
-    }
-
-    /// As [`row`](Self::row), of a force `entry` on the one joint `dof`.
-    pub fn joint_row(&self, dynamics: &Dynamics<'_>, dof: usize, entry: f64, whitened: &mut [f64]) -> Spatial {
-        whitened.fill(0.0);
-        if let Some(k) = self.position(dof) {
-            whitened[k] = entry;
-        }
-        self.whiten(dynamics, dof, whitened)
-    }
-
-    /// Whitens a row of forces on `leaf` and its ancestors; returns what their giving way leaves on the palm.
-    fn whiten(&self, dynamics: &Dynamics<'_>, leaf: usize, whitened: &mut [f64]) -> Spatial {
-        let mut palm = Spatial::zeros();
-        let mut at = self.position(leaf);
-        while let Some(k) = at {
-            let dof = self.dofs[k];
-            let value = whitened[k];
-            let mut ancestor = self.parents[k];
-            for l in dynamics.ancestors_factor(dof) {
-                let Some(j) = ancestor else { break };
-                whitened[j] -= l * value;
-                ancestor = self.parents[j];
-            }
-            palm -= self.momenta[k] * (value * dynamics.inverse_diagonal[dof]);
-            whitened[k] = value * dynamics.inverse_diagonal[dof].sqrt();
-            at = self.parents[k];
-        }
-        palm
     }
 
     /// Adds the generalised force of a wrench on the link whose last joint is `leaf`.
@@ -342,7 +339,8 @@ impl FingerInverseInertia {
         }
     }
 
-    fn position(&self, dof: usize) -> Option<usize> {
+    /// Position of a degree of freedom among the finger's.
+    pub fn position(&self, dof: usize) -> Option<usize> {
         // parents come first, so a finger's degrees of freedom ascend
         self.dofs.binary_search(&dof).ok()
     }

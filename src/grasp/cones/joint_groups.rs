@@ -12,13 +12,17 @@ use crate::grasp::hand::topology::Topology;
 /// Joints that are eliminated together, and the coupled that move them.
 #[derive(Clone, Debug, Default)]
 pub struct JointGroup {
-    /// Fingers, and beyond their number trees of the rest of the model.
+    /// Trees of the rest of the model, whose numbers are beyond the fingers', then fingers.
     pub nodes: Vec<usize>,
     /// CoupledConstraints in this group.
     pub coupled: Vec<usize>,
+    /// Number of joints of its trees, which come first; they count in whitened coordinates, those of fingers as they are.
+    pub whitened: usize,
+    /// Number of all its joints.
+    pub joints: usize,
 }
 
-/// The partition of one step, and the coupled' rows in whitened coordinates.
+/// The partition of one step, and the coupled' rows in the coordinates of the solve.
 #[derive(Clone, Debug, Default)]
 pub struct JointGroups {
     /// Finger or tree of each degree of freedom.
@@ -35,12 +39,21 @@ pub struct JointGroups {
     group_of: Vec<usize>,
     /// Where each node's joints begin among those of its group.
     offset: Vec<usize>,
-    /// False if nothing moves the palm.
-    palm_moves: bool,
-    /// First whitened row of each constraint; no rows if it is [on one finger's joint](Self::on_finger).
-    whitened: Vec<usize>,
+    /// What each constraint moves.
+    moved: Vec<Moved>,
     root_rows: Vec<RootVector>,
     own_rows: Vec<f64>,
+}
+
+/// What a constraint moves.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    /// One of the nodes.
+    node: Option<usize>,
+    /// Palm or target.
+    root: bool,
+    /// Its first row in `root_rows` and `own_rows`; none if it is [on one finger's joint](JointGroups::on_finger).
+    first: usize,
 }
 
 /// No group.
@@ -106,15 +119,13 @@ impl JointGroups {
             for finger in 0..self.fingers {
                 if self.has_contact[finger] {
                     let group = self.open();
-                    self.groups[group].nodes.push(finger);
-                    self.offset[finger] = 0;
+                    self.add_node(group, finger);
                 }
             }
             return;
         }
-        self.whiten(dynamics, inverse_inertia, coupled);
-        self.join(coupled);
-        self.gather(coupled);
+        self.read(dynamics, inverse_inertia, coupled);
+        self.gather();
     }
 
     /// Number of groups.
@@ -130,11 +141,6 @@ impl JointGroups {
     /// CoupledConstraints that move palm or target but no other joint.
     pub fn free(&self) -> &[usize] {
         &self.free
-    }
-
-    /// Number of joints of a group.
-    pub fn joints(&self, group: &JointGroup) -> usize {
-        group.nodes.iter().map(|&node| self.dofs[node].len()).sum()
     }
 
     /// Where a finger's joints begin among those of its group.
@@ -153,20 +159,17 @@ impl JointGroups {
         }
     }
 
-    /// What of row `k` of constraint `i` moves palm and target.
+    /// What of row `k` of constraint `i` moves palm and target, in their own coordinates.
     pub fn root_row(&self, i: usize, k: usize) -> &RootVector {
-        &self.root_rows[self.whitened[i] + k]
+        &self.root_rows[self.moved[i].first + k]
     }
 
-    /// What of row `k` of constraint `i` moves the joints of `group`, into `out`.
-    pub fn own_row(&self, group: &JointGroup, i: usize, k: usize, out: &mut [f64]) {
+    /// What of row `k` of constraint `i` moves the joints of `group`, one entry for each.
+    pub fn own_row(&self, group: &JointGroup, i: usize, k: usize) -> impl Iterator<Item = f64> {
         let nv = self.node_of_dof.len();
-        let row = self.whitened[i] + k;
+        let row = self.moved[i].first + k;
         let own = &self.own_rows[row * nv..(row + 1) * nv];
-        let dofs = group.nodes.iter().flat_map(|&node| &self.dofs[node]);
-        for (out, &dof) in out.iter_mut().zip(dofs) {
-            *out = own[dof];
-        }
+        group.nodes.iter().flat_map(|&node| &self.dofs[node]).map(|&dof| own[dof])
     }
 
     fn open(&mut self) -> usize {
@@ -176,98 +179,132 @@ impl JointGroups {
         let group = &mut self.groups[self.used];
         group.nodes.clear();
         group.coupled.clear();
+        (group.whitened, group.joints) = (0, 0);
         self.used += 1;
         self.used - 1
     }
 
-    /// The coupled' rows in whitened coordinates, parted into the root's and the rest.
-    fn whiten(&mut self, dynamics: &Dynamics<'_>, inverse_inertia: &HandInverseInertia, coupled: &CoupledConstraints) {
-        let nv = self.node_of_dof.len();
-        self.palm_moves = !inverse_inertia.palm.chain().is_empty();
+    /// The coupled' rows, parted into the root's and the rest, and what they move; joins the nodes that a constraint moves at
+    /// once.
+    fn read(&mut self, dynamics: &Dynamics<'_>, inverse_inertia: &HandInverseInertia, coupled: &CoupledConstraints) {
         self.root_rows.clear();
         self.own_rows.clear();
-        self.whitened.clear();
+        self.moved.clear();
+        self.parent.clear();
+        self.parent.extend(0..self.dofs.len());
+        let palm_moves = inverse_inertia.palm.rank() > 0;
         for constraint in coupled.list() {
-            self.whitened.push(self.root_rows.len());
-            if self.on_finger(constraint).is_some() {
-                continue;
-            }
-            for k in 0..constraint.rows {
-                let at = self.own_rows.len();
-                match constraint.jacobian {
-                    Jacobian::Single(dof, value) => {
-                        self.own_rows.resize(at + nv, 0.0);
-                        self.own_rows[at + dof] = value;
-                    }
-                    Jacobian::Dense(row) => self.own_rows.extend_from_slice(coupled.jacobian(row + k, nv)),
+            let mut moved = Moved { node: None, root: false, first: self.root_rows.len() };
+            if let Some((finger, ..)) = self.on_finger(constraint) {
+                (moved.node, moved.root) = (Some(finger), palm_moves);
+            } else {
+                for k in 0..constraint.rows {
+                    self.read_row(dynamics, inverse_inertia, coupled, (constraint, k), &mut moved);
                 }
-                let own = &mut self.own_rows[at..];
-                dynamics.whiten(own);
-                let mut root = [0.0; ROOT];
-                for (half, body) in root.chunks_exact_mut(6).zip([&inverse_inertia.palm, &inverse_inertia.target]) {
-                    half.copy_from_slice(body.take(own).as_slice());
-                }
-                self.root_rows.push(root);
             }
+            self.moved.push(moved);
         }
     }
 
-    /// Joins the nodes that a constraint moves at once.
-    fn join(&mut self, coupled: &CoupledConstraints) {
+    fn read_row(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        inverse_inertia: &HandInverseInertia,
+        coupled: &CoupledConstraints,
+        (constraint, k): (&CoupledConstraint, usize),
+        moved: &mut Moved,
+    ) {
         let nv = self.node_of_dof.len();
-        self.parent.clear();
-        self.parent.extend(0..self.dofs.len());
-        for (i, constraint) in coupled.list().iter().enumerate() {
-            if self.on_finger(constraint).is_some() {
-                continue;
+        let HandInverseInertia { palm, target, .. } = inverse_inertia;
+        let at = self.own_rows.len();
+        let mut root = [0.0; ROOT];
+        let (of_palm, of_target) = root.split_at_mut(palm.rank());
+        let of_target = &mut of_target[..target.rank()];
+        match constraint.jacobian {
+            Jacobian::Single(dof, value) => {
+                self.own_rows.resize(at + nv, 0.0);
+                let own = &mut self.own_rows[at..];
+                own[dof] = value;
+                dynamics.whiten_chain(dof, own);
+                palm.take(own, of_palm);
+                target.take(own, of_target);
+                dynamics.with_ancestors(dof).for_each(|dof| self.join(at, dof, moved));
             }
-            let mut first = None;
-            for row in self.whitened[i]..self.whitened[i] + constraint.rows {
-                for dof in 0..nv {
-                    if self.own_rows[row * nv + dof] != 0.0 {
-                        let node = find(&mut self.parent, self.node_of_dof[dof]);
-                        let with = *first.get_or_insert(node);
-                        let with = find(&mut self.parent, with);
-                        self.parent[node] = with;
-                    }
+            Jacobian::Dense(row) => {
+                // fingers' entries stay what they are, and what is before them is whitened without them
+                let row = coupled.jacobian(row + k, nv);
+                let of_finger = |dof: usize| self.node_of_dof[dof] < self.fingers;
+                self.own_rows.extend((0..nv).map(|dof| if of_finger(dof) { 0.0 } else { row[dof] }));
+                let own = &mut self.own_rows[at..];
+                dynamics.whiten(own);
+                palm.take(own, of_palm);
+                target.take(own, of_target);
+                for dof in (0..nv).filter(|&dof| of_finger(dof)) {
+                    own[dof] = row[dof];
+                    // a finger's joints move the palm by their inertia
+                    moved.root |= palm.rank() > 0 && row[dof] != 0.0;
                 }
+                (0..nv).for_each(|dof| self.join(at, dof, moved));
             }
+        }
+        moved.root |= root.iter().any(|&y| y != 0.0);
+        self.root_rows.push(root);
+    }
+
+    /// Joins the node of `dof` to those that the row at `at` has moved so far, if it moves it.
+    fn join(&mut self, at: usize, dof: usize, moved: &mut Moved) {
+        if self.own_rows[at + dof] == 0.0 {
+            return;
+        }
+        let node = self.node_of_dof[dof];
+        if let Some(with) = moved.node {
+            let (node, with) = (find(&mut self.parent, node), find(&mut self.parent, with));
+            self.parent[node] = with;
+        } else {
+            moved.node = Some(node);
         }
     }
 
     /// Makes a group of each set of joined nodes that moves with the grasp.
-    fn gather(&mut self, coupled: &CoupledConstraints) {
+    fn gather(&mut self) {
         self.group_of.fill(NONE);
         for finger in 0..self.fingers {
             if self.has_contact[finger] {
                 self.group_at(finger);
             }
         }
-        for (i, constraint) in coupled.list().iter().enumerate() {
-            let moves_root = self.moves_root(i, constraint);
-            match self.node_of(i, constraint) {
-                None if moves_root => self.free.push(i),
-                Some(node) if moves_root => {
+        for i in 0..self.moved.len() {
+            match self.moved[i] {
+                Moved { root: true, node: None, .. } => self.free.push(i),
+                Moved { root: true, node: Some(node), .. } => {
                     self.group_at(node);
                 }
                 _ => {}
             }
         }
-        for (i, constraint) in coupled.list().iter().enumerate() {
-            if let Some(node) = self.node_of(i, constraint) {
+        for i in 0..self.moved.len() {
+            if let Some(node) = self.moved[i].node {
                 let set = find(&mut self.parent, node);
                 if self.group_of[set] != NONE {
                     self.groups[self.group_of[set]].coupled.push(i);
                 }
             }
         }
-        for node in 0..self.dofs.len() {
+        for node in (self.fingers..self.dofs.len()).chain(0..self.fingers) {
             let set = find(&mut self.parent, node);
             if self.group_of[set] != NONE {
-                let group = &self.groups[self.group_of[set]];
-                self.offset[node] = self.joints(group);
-                self.groups[self.group_of[set]].nodes.push(node);
+                self.add_node(self.group_of[set], node);
             }
+        }
+    }
+
+    fn add_node(&mut self, group: usize, node: usize) {
+        let group = &mut self.groups[group];
+        self.offset[node] = group.joints;
+        group.nodes.push(node);
+        group.joints += self.dofs[node].len();
+        if node >= self.fingers {
+            group.whitened = group.joints;
         }
     }
 
@@ -277,25 +314,6 @@ impl JointGroups {
             self.group_of[set] = self.open();
         }
         self.group_of[set]
-    }
-
-    fn moves_root(&self, i: usize, constraint: &CoupledConstraint) -> bool {
-        let rows = self.whitened[i]..self.whitened[i] + constraint.rows;
-        match self.on_finger(constraint) {
-            Some(_) => self.palm_moves,
-            None => self.root_rows[rows].iter().flatten().any(|&y| y != 0.0),
-        }
-    }
-
-    /// A node that the rows move.
-    fn node_of(&self, i: usize, constraint: &CoupledConstraint) -> Option<usize> {
-        if let Some((finger, ..)) = self.on_finger(constraint) {
-            return Some(finger);
-        }
-        let nv = self.node_of_dof.len();
-        let first = self.whitened[i];
-        let moved = self.own_rows[first * nv..(first + constraint.rows) * nv].iter().position(|&x| x != 0.0)?;
-        Some(self.node_of_dof[moved % nv])
     }
 }
 

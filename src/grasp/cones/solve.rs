@@ -13,13 +13,14 @@
 mod friction;
 
 use crate::grasp::cones::arrow::{Arrow, ROOT, RootVector, Status};
-use crate::grasp::cones::coupled::CoupledConstraints;
+use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints};
 use crate::grasp::cones::inverse_inertia::{Dynamics, HandInverseInertia, Spatial};
 use crate::grasp::cones::joint_groups::JointGroups;
 use crate::grasp::contact::contacts::GraspContact;
-use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};
+use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
+use crate::grasp::linalg;
 
 /// How often friction is centred anew in a step at the most, see [`friction`].
 const MAX_RECENTRINGS: usize = 3;
@@ -32,13 +33,13 @@ pub struct GraspSolver {
     arrow: Arrow,
     /// What each of the arrow's blocks is.
     order: Vec<Member>,
-    /// Whitened rows of one group, one entry for each of its joints.
-    own_rows: Vec<f64>,
+    /// Which of the coupled each of the arrow's singles is.
+    singles: Vec<usize>,
+    /// Whitened rows of one group's trees, and fewer combinations of them.
+    tree_rows: Vec<f64>,
+    combined: Vec<f64>,
     main: RootVector,
     noslip: RootVector,
-    kept: Vec<f64>,
-    start: Vec<f64>,
-    costs: Vec<(Cost, ActiveSet)>,
 }
 
 /// What a block of the arrow stands for.
@@ -68,12 +69,11 @@ impl GraspSolver {
             groups: JointGroups::new(topology, dof_parent),
             arrow: Arrow::default(),
             order: Vec::new(),
-            own_rows: Vec::new(),
+            singles: Vec::new(),
+            tree_rows: Vec::new(),
+            combined: Vec::new(),
             main: [0.0; ROOT],
             noslip: [0.0; ROOT],
-            kept: Vec::new(),
-            start: Vec::new(),
-            costs: Vec::new(),
         }
     }
 
@@ -133,6 +133,10 @@ impl GraspSolver {
             contact.active_sets[1] = response.active_set;
             contact.update_force();
         }
+        for (single, &i) in self.singles.iter().enumerate() {
+            let single = self.arrow.single(single);
+            coupled.end_single_friction_pass(i, single.force, single.active_set());
+        }
         SolveStatus { main, noslip }
     }
 
@@ -167,19 +171,18 @@ impl GraspSolver {
         self.inverse_inertia.palm.update(dynamics, palm);
         self.inverse_inertia.target.update(dynamics, topology.leaf(topology.target()));
         self.groups.form(dynamics, &self.inverse_inertia, contacts, coupled);
-        self.arrow.begin();
+        self.arrow.begin(self.inverse_inertia.palm.rank() + self.inverse_inertia.target.rank());
         self.order.clear();
+        self.singles.clear();
         // without joints of their own blocks share nothing but the root
+        self.arrow.begin_branch(0);
         for (i, contact) in contacts.iter().enumerate().filter(|(_, c)| c.finger.is_none()) {
-            self.arrow.begin_branch();
             self.add_contact(dynamics, topology, options, (i, contact), None);
-            self.arrow.end_branch(0, &[]);
         }
         for k in 0..self.groups.free().len() {
-            self.arrow.begin_branch();
             self.add_dense(coupled, self.groups.free()[k]);
-            self.arrow.end_branch(0, &[]);
         }
+        self.arrow.end_branch();
         for k in 0..self.groups.count() {
             self.add_group(dynamics, topology, options, contacts, coupled, k);
         }
@@ -195,85 +198,113 @@ impl GraspSolver {
         coupled: &CoupledConstraints,
         k: usize,
     ) {
-        self.arrow.begin_branch();
-        let joints = self.groups.joints(self.groups.group(k));
-        self.own_rows.clear();
+        let combinations = self.combine_trees(coupled, k);
+        let group = self.groups.group(k);
+        let fingers = group.joints - group.whitened;
+        self.arrow.begin_branch(combinations + fingers);
         for n in 0..self.groups.group(k).nodes.len() {
             let finger = self.groups.group(k).nodes[n];
-            if finger >= self.inverse_inertia.fingers.len() {
-                continue;
-            }
-            self.inverse_inertia.fingers[finger].update(dynamics);
-            let own = Own { finger, offset: self.groups.offset(finger), joints };
+            let HandInverseInertia { palm, fingers, .. } = &mut self.inverse_inertia;
+            let Some(joints) = fingers.get_mut(finger) else { continue };
+            joints.update(dynamics);
+            let offset = self.groups.offset(finger) - self.groups.group(k).whitened + combinations;
+            joints.set_inertia(dynamics, palm, &mut self.arrow, offset);
             for (i, contact) in contacts.iter().enumerate().filter(|(_, c)| c.finger == Some(finger)) {
-                self.add_contact(dynamics, topology, options, (i, contact), Some(own));
+                self.add_contact(dynamics, topology, options, (i, contact), Some((finger, offset)));
             }
         }
+        let mut at = 0;
         for n in 0..self.groups.group(k).coupled.len() {
             let group = self.groups.group(k);
             let i = group.coupled[n];
             let constraint = &coupled.list()[i];
-            let at = self.own_rows.len();
-            self.own_rows.resize(at + joints * constraint.rows, 0.0);
             if let Some((finger, dof, entry)) = self.groups.on_finger(constraint) {
-                let start = at + self.groups.offset(finger);
-                let HandInverseInertia { palm, fingers, .. } = &self.inverse_inertia;
-                let own = &mut self.own_rows[start..start + fingers[finger].len()];
-                let on_palm = palm.factor.tr_mul(&fingers[finger].joint_row(dynamics, dof, entry, own));
-                let mut root_row = [0.0; ROOT];
-                root_row[..6].copy_from_slice(on_palm.as_slice());
-                self.add_coupled(coupled, i, &[root_row]);
+                let Some(joint) = self.inverse_inertia.fingers[finger].position(dof) else { continue };
+                let joint = self.groups.offset(finger) - group.whitened + combinations + joint;
+                let (bias, start) = (coupled.bias()[constraint.first], constraint.main[0]);
+                self.arrow.add_single(constraint.cost, constraint.active_sets[0], (joint, entry), bias, start);
+                self.singles.push(i);
                 continue;
             }
-            for (row, own) in self.own_rows[at..].chunks_exact_mut(joints.max(1)).enumerate() {
-                self.groups.own_row(group, i, row, own);
+            let block = self.add_dense(coupled, i);
+            let group = self.groups.group(k);
+            for row in 0..constraint.rows {
+                let (_, own) = self.arrow.row(block, row);
+                let (of_trees, of_fingers) = own.split_at_mut(combinations);
+                of_trees.copy_from_slice(&self.combined[at..at + combinations]);
+                at += combinations;
+                let entries = self.groups.own_row(group, i, row).skip(group.whitened);
+                of_fingers.iter_mut().zip(entries).for_each(|(out, x)| *out = x);
             }
-            self.add_dense(coupled, i);
         }
-        self.arrow.end_branch(joints, &self.own_rows);
+        self.arrow.end_branch();
     }
 
-    fn add_dense(&mut self, coupled: &CoupledConstraints, i: usize) {
-        let rows = coupled.list()[i].rows;
-        let mut root_rows = [[0.0; ROOT]; MAX_ROWS];
-        for (k, row) in root_rows.iter_mut().take(rows).enumerate() {
-            *row = *self.groups.root_row(i, k);
+    /// The rows of a group's trees into `combined`, one after the other, in as many unknowns as are returned: where the trees
+    /// have more joints than rows, as many combinations of them as there are rows give the same, `X X'` being the same.
+    fn combine_trees(&mut self, coupled: &CoupledConstraints, k: usize) -> usize {
+        let group = self.groups.group(k);
+        self.tree_rows.clear();
+        self.combined.clear();
+        if group.whitened == 0 {
+            return 0;
         }
-        self.add_coupled(coupled, i, &root_rows[..rows]);
+        let mut rows = 0;
+        for &i in &group.coupled {
+            let constraint = &coupled.list()[i];
+            if self.groups.on_finger(constraint).is_none() {
+                for row in 0..constraint.rows {
+                    self.tree_rows.extend(self.groups.own_row(group, i, row).take(group.whitened));
+                }
+                rows += constraint.rows;
+            }
+        }
+        if group.whitened <= rows {
+            std::mem::swap(&mut self.combined, &mut self.tree_rows);
+            return group.whitened;
+        }
+        let row = |i: usize| &self.tree_rows[i * group.whitened..(i + 1) * group.whitened];
+        self.combined.resize(rows * rows, 0.0);
+        linalg::semidefinite_factor(rows, |i, j| linalg::dot(row(i), row(j)), &mut self.combined);
+        rows
     }
 
-    fn add_coupled(&mut self, coupled: &CoupledConstraints, i: usize, root_rows: &[RootVector]) {
-        let constraint = &coupled.list()[i];
+    /// A constraint on several joints, but for their entries in its rows.
+    fn add_dense(&mut self, coupled: &CoupledConstraints, i: usize) -> usize {
+        let constraint: &CoupledConstraint = &coupled.list()[i];
         let n = constraint.rows;
         let bias = &coupled.bias()[constraint.first..constraint.first + n];
-        self.arrow.add_block(constraint.cost, constraint.active_sets[0], root_rows, bias, &constraint.main[..n]);
+        let block = self.arrow.add_block(constraint.cost, constraint.active_sets[0], bias, &constraint.main[..n]);
         self.order.push(constraint.foreign().map_or(Member::Coupled(i), Member::Foreign));
+        for row in 0..n {
+            let (root, _) = self.arrow.row(block, row);
+            root.copy_from_slice(&self.groups.root_row(i, row)[..root.len()]);
+        }
+        block
     }
 
+    /// A contact; `own` is its finger and where that begins among the branch's own unknowns.
     fn add_contact(
         &mut self,
         dynamics: &Dynamics<'_>,
         topology: &Topology,
         options: &SolverOptions,
         (index, contact): (usize, &GraspContact),
-        own: Option<Own>,
+        own: Option<(usize, usize)>,
     ) {
         let soft = softness(&contact.parameters, options);
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let rows = contact.parameters.condim;
-        let row0 = self.own_rows.len();
-        if let Some(own) = own {
-            self.own_rows.resize(row0 + rows * own.joints, 0.0);
-        }
         let hand_point = dynamics.reference_point(contact.link);
         let target_point = dynamics.reference_point(topology.target());
         let hand_velocity = dynamics.velocity(contact.link);
         let target_velocity = dynamics.velocity(topology.target());
-        let finger = own.zip(topology.leaf(contact.link)).map(|(own, leaf)| (&fingers[own.finger], own, leaf));
+        let finger =
+            own.zip(topology.leaf(contact.link)).map(|((finger, offset), leaf)| (&fingers[finger], offset, leaf));
         let hand_acceleration =
             palm.smooth + finger.map_or_else(Spatial::zeros, |(f, _, leaf)| f.smooth_acceleration(dynamics, leaf));
 
-        let mut root_rows = [[0.0; ROOT]; MAX_ROWS];
+        let mut wrenches = [(Spatial::zeros(), Spatial::zeros()); MAX_ROWS];
         let mut bias = [0.0; MAX_ROWS];
         for i in 0..rows {
             let on_hand = -contact.unit_wrench(i, &hand_point);
@@ -281,32 +312,22 @@ impl GraspSolver {
             let velocity = on_target.dot(&target_velocity) + on_hand.dot(&hand_velocity);
             let acceleration = on_target.dot(&target.smooth) + on_hand.dot(&hand_acceleration);
             bias[i] = acceleration + soft.damping * velocity;
-            let on_palm = match finger {
-                Some((finger, own, leaf)) => {
-                    let start = row0 + i * own.joints + own.offset;
-                    finger.row(dynamics, leaf, &on_hand, &mut self.own_rows[start..start + finger.len()])
-                }
-                None => on_hand,
-            };
-            let (y_palm, y_target) = (palm.factor.tr_mul(&on_palm), target.factor.tr_mul(&on_target));
-            for k in 0..6 {
-                root_rows[i][k] = y_palm[k];
-                root_rows[i][k + 6] = y_target[k];
-            }
+            wrenches[i] = (on_hand, on_target);
         }
         bias[0] += soft.spring;
         let memory = contact.warm_start();
         let start = memory.map_or([0.0; MAX_ROWS], |m| m.main);
         let active_set = memory.map_or(ActiveSet::Stick, |m| m.active_sets[0]);
-        self.arrow.add_block(soft.cost, active_set, &root_rows[..rows], &bias[..rows], &start[..rows]);
+        let block = self.arrow.add_block(soft.cost, active_set, &bias[..rows], &start[..rows]);
         self.order.push(Member::Contact(index));
+        for (i, (on_hand, on_target)) in wrenches.iter().take(rows).enumerate() {
+            let (root, own) = self.arrow.row(block, i);
+            let (of_palm, of_target) = root.split_at_mut(palm.rank());
+            palm.own(on_hand, of_palm);
+            target.own(on_target, of_target);
+            if let Some((finger, offset, leaf)) = finger {
+                finger.row(leaf, on_hand, &mut own[offset..]);
+            }
+        }
     }
-}
-
-/// Where a contact's finger stands among the joints of its group.
-#[derive(Clone, Copy)]
-struct Own {
-    finger: usize,
-    offset: usize,
-    joints: usize,
 }

@@ -1,13 +1,14 @@
 //! Newton's method with a line search on an [`Arrow`], its branches eliminated one by one.
 
-#![allow(clippy::needless_range_loop)] // small matrices are read by their indices, as in the formulas
-
-use super::{Arrow, Branch, ROOT, RootVector, Status, unrolled};
+use super::branch::{Branch, unrolled};
+use super::single::Single;
+use super::{Arrow, ROOT, RootVector, Status};
 use crate::grasp::contact::cost::MAX_ROWS;
-use crate::grasp::linalg::{self, LANES, axpy_lanes, dot_lanes};
+use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Gradient norm, relative to the largest term in it, below which a point counts as the minimum.
+/// Gradient norm, relative to that of the inertial forces and in the metric of the inverse inertia, below which a point counts
+/// as the minimum.
 const TOLERANCE: f64 = 1e-6;
 /// Newton iterations before giving up. Warm-started steps take one or two; while many contacts begin and cease to slide,
 /// one step in some thousands takes 60 to 150. Giving up is dear: one step of unsolved friction puts the target up to
@@ -18,25 +19,46 @@ const ARMIJO: f64 = 1e-4;
 /// Halvings of the Newton step before the line search gives up.
 const MAX_HALVINGS: usize = 40;
 
-/// A solve to be compiled for each kind of processor, with the widest vectors that it has. No operation is contracted or
-/// reordered for it: the result is the same on every processor. (A closure would not do: the compiler may call it instead
-/// of inlining it, and then it is compiled for the least of them.)
-struct Solve<'a> {
+/// What is compiled for each kind of processor, with the widest vectors that it has. No operation is contracted or reordered
+/// for it: the result is the same on every processor. (Closures would not do: the compiler may call them instead of inlining
+/// them, and then they are compiled for the least of them.)
+struct Vectorized<'a> {
     arrow: &'a mut Arrow,
-    z: &'a mut RootVector,
+    kernel: Kernel<'a>,
 }
 
-impl WithSimd for Solve<'_> {
-    type Output = Status;
+enum Kernel<'a> {
+    FactorizeInertia(Branch),
+    AbsorbStart,
+    /// [`Arrow::start`], of the root in the first.
+    Start(&'a RootVector),
+    /// [`Arrow::momentum`], from the first into the second, and the cost into the third.
+    Momentum(&'a RootVector, &'a mut RootVector, &'a mut f64),
+    SubtractForces(&'a mut RootVector),
+    Factorize,
+    /// [`Arrow::newton_step`], from the first into the second.
+    NewtonStep(&'a RootVector, &'a mut RootVector),
+}
+
+impl WithSimd for Vectorized<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Status {
-        self.arrow.minimise(self.z)
+    fn with_simd<S: Simd>(self, _: S) {
+        match self.kernel {
+            Kernel::FactorizeInertia(branch) => self.arrow.factor_inertia(branch),
+            Kernel::AbsorbStart => {
+                self.arrow.absorb();
+                self.arrow.mobilities();
+            }
+            Kernel::Start(z) => self.arrow.start(z),
+            Kernel::Momentum(z, root, cost) => self.arrow.momentum(z, root, cost),
+            Kernel::SubtractForces(root) => self.arrow.subtract_forces(root),
+            Kernel::Factorize => self.arrow.factorize(),
+            Kernel::NewtonStep(gradient, step) => self.arrow.newton_step(gradient, step),
+        }
     }
 }
-
-/// Lower triangle of the root's Hessian; what stands above it means nothing.
-type RootHessian = [RootVector; ROOT];
 
 impl Arrow {
     /// Minimises from the start `z` and leaves the solution there.
@@ -44,105 +66,208 @@ impl Arrow {
     /// The first step takes every contact to be where it is expected on its cone. If it ends there and no contact
     /// slides, that step was the whole solve.
     pub fn solve(&mut self, z: &mut RootVector) -> Status {
-        let (rows, local) = (self.bias.len(), self.point.len());
+        let (rows, local, square) = (self.bias.len(), self.point.len(), self.inertia.len());
         for buffer in [&mut self.jar, &mut self.slope, &mut self.forces] {
             buffer.resize(rows, 0.0);
         }
         for buffer in [&mut self.gradient, &mut self.step] {
             buffer.resize(local, 0.0);
         }
-        let square = self.branches.last().map_or(0, |b| b.square + b.width * b.stride);
-        self.square.resize(square, 0.0);
-        Arch::new().dispatch(Solve { arrow: self, z })
+        self.factor.resize(square, 0.0);
+        self.pivots.resize(self.inertia_pivots.len(), 0.0);
+        let widest = self.branches.iter().map(|b| b.stride).max().unwrap_or(0);
+        self.stiff.resize(self.stiff.len().max(MAX_ROWS * widest), 0.0);
+        self.row.resize(self.row.len().max(widest), 0.0);
+        self.minimise(z)
+    }
+
+    /// Factors the inertia of a branch.
+    pub(super) fn factorize_inertia(&mut self, branch: Branch) {
+        self.run(Kernel::FactorizeInertia(branch));
+    }
+
+    /// Makes a part of the bias of what the starting forces move, and finds how easily rows move.
+    pub(super) fn absorb_start(&mut self) {
+        self.run(Kernel::AbsorbStart);
     }
 
     #[inline(always)]
+    fn factor_inertia(&mut self, branch: Branch) {
+        let factor = &mut self.inertia_factor[branch.square..];
+        let pivots = &mut self.inertia_pivots[branch.pivot..];
+        unrolled!(branch => branch.factorize(factor, pivots, &mut self.coupling));
+    }
+
+    #[inline(always)]
+    fn absorb(&mut self) {
+        let z = self.explain_start();
+        self.set_root(&z);
+        for branch in self.branches.iter().copied() {
+            let bias = &mut self.bias[branch.row0..];
+            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| bias[i] += moved));
+        }
+        for s in &mut self.singles {
+            s.bias += s.entry * self.point[s.at];
+        }
+    }
+
+    /// The mobility of one row of each block and of each single.
+    #[inline(always)]
+    fn mobilities(&mut self) {
+        let Arrow { branches, blocks, singles, matrix, inertia_factor, inertia_pivots, row, .. } = self;
+        for branch in branches.iter().copied() {
+            unrolled!(branch => {
+                let row = &mut row[..branch.stride];
+                for b in &mut blocks[branch.blocks.0..branch.blocks.1] {
+                    row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + b.rows.min(2) - 1));
+                    b.mobility = branch.mobility(inertia_factor, inertia_pivots, row);
+                }
+                for s in &mut singles[branch.singles.0..branch.singles.1] {
+                    row.fill(0.0);
+                    row[s.at - branch.local] = s.entry;
+                    s.mobility = branch.mobility(inertia_factor, inertia_pivots, row);
+                }
+            });
+        }
+    }
+
+    fn run(&mut self, kernel: Kernel<'_>) {
+        Arch::new().dispatch(Vectorized { arrow: self, kernel });
+    }
+
     fn minimise(&mut self, z: &mut RootVector) -> Status {
-        self.point_from_start();
-        self.set_root(z);
-        self.residuals();
-        for b in &mut self.blocks[..self.used] {
-            let active_set = b.response.active_set;
-            b.cost.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], active_set, &mut b.response);
-            b.store_force(&mut self.forces);
-        }
-        let (mut gradient, _) = self.gradient(z);
-        let mut step = self.newton_step(&gradient);
-        self.advance(1.0, &step, z);
-        let (costs, affine) = self.respond();
-        if affine {
-            return Status { iterations: 1, converged: true };
-        }
-        // Newton with a line search
-        let mut cost = costs + self.inertial_cost(z);
-        for iterations in 1..MAX_ITERATIONS {
-            let scale;
-            (gradient, scale) = self.gradient(z);
-            let size = self.sum(&gradient, &gradient, |branch, arrow| {
-                let own = branch.own(&arrow.gradient);
-                linalg::dot(own, own)
-            });
-            let size = size.sqrt();
-            if size <= TOLERANCE * scale {
-                return Status { iterations, converged: true };
+        self.hold_joints();
+        self.run(Kernel::Start(z));
+        self.expect();
+        let (mut gradient, mut step, mut inertial) = ([0.0; ROOT], [0.0; ROOT], 0.0);
+        let (mut size, mut cost, mut decrease) = (f64::INFINITY, f64::INFINITY, 0.0);
+        self.run(Kernel::Momentum(z, &mut gradient, &mut inertial));
+        for iterations in 0..MAX_ITERATIONS {
+            self.run(Kernel::SubtractForces(&mut gradient));
+            // the first step is taken whatever the gradient: it is that of the expected active sets
+            if iterations > 0 {
+                size = self.gradient_norm(&gradient);
+                if size <= TOLERANCE * (2.0 * inertial).sqrt().max(f64::MIN_POSITIVE) {
+                    return Status { iterations, converged: true };
+                }
             }
-            step = self.newton_step(&gradient);
-            let decrease = self.sum(&gradient, &step, |branch, arrow| {
-                linalg::dot(branch.own(&arrow.gradient), branch.own(&arrow.step))
-            });
+            if self.stale {
+                self.run(Kernel::Factorize);
+                self.stale = false;
+            }
+            self.run(Kernel::NewtonStep(&gradient, &mut step));
+            if iterations > 0 {
+                decrease = self.along_step(&gradient, &step);
+            }
             let slack = 1e-14 * cost.abs();
             let mut length = 1.0;
-            let mut accepted = None;
             self.advance(length, &step, z);
-            for _ in 0..MAX_HALVINGS {
+            let mut halvings = 0;
+            loop {
                 let (costs, affine) = self.respond();
-                let trial = costs + self.inertial_cost(z);
-                if trial <= cost + ARMIJO * length * decrease + slack {
-                    accepted = Some((trial, affine && length == 1.0));
+                if affine && iterations == 0 {
+                    return Status { iterations: 1, converged: true };
+                }
+                self.run(Kernel::Momentum(z, &mut gradient, &mut inertial));
+                let trial = costs + inertial;
+                // nothing is known of the cost before the first step
+                if iterations == 0 || trial <= cost + ARMIJO * length * decrease + slack {
+                    cost = trial;
+                    if affine && length == 1.0 {
+                        return Status { iterations: iterations + 1, converged: true };
+                    }
                     break;
                 }
+                halvings += 1;
                 length *= 0.5;
                 self.advance(-length, &step, z);
-            }
-            let Some((trial, exact)) = accepted else {
-                // no descent left at this precision
-                self.advance(-length, &step, z);
-                self.respond();
-                return Status { iterations, converged: size <= 1e-6 * scale };
-            };
-            cost = trial;
-            if exact {
-                return Status { iterations: iterations + 1, converged: true };
+                if halvings == MAX_HALVINGS {
+                    // no descent left at this precision
+                    self.advance(-length, &step, z);
+                    self.respond();
+                    return Status { iterations, converged: size <= TOLERANCE * (2.0 * inertial).sqrt() };
+                }
             }
         }
         Status { iterations: MAX_ITERATIONS, converged: false }
     }
 
-    /// A product over all unknowns: of the root's `a` and `b`, and what `own` says of each branch.
-    #[inline(always)]
-    fn sum(&self, a: &RootVector, b: &RootVector, own: impl Fn(&Branch, &Self) -> f64) -> f64 {
-        dot_lanes(a, b) + self.branches.iter().map(|branch| own(branch, self)).sum::<f64>()
-    }
-
-    /// `jar = bias + Y z + X w`
-    #[inline(always)]
-    fn residuals(&mut self) {
-        for &branch in &self.branches {
-            let (jar, bias) = (&mut self.jar[branch.row0..], &self.bias[branch.row0..]);
-            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| jar[i] = bias[i] + moved));
+    /// The root's inertia with the joints of all branches held.
+    fn hold_joints(&mut self) {
+        let n = self.root;
+        for i in 0..n {
+            for j in 0..=i {
+                let held = -self.coupling[i * n + j];
+                self.root_inertia[i * n + j] = held;
+                self.root_inertia[j * n + i] = held;
+            }
+            self.root_inertia[i * n + i] += 1.0;
         }
     }
 
-    /// Moves `z`, `w` and the residuals along the Newton step.
+    /// The point that the starting forces explain while the root rests, but for what [`set_root`](Self::set_root) adds; and
+    /// the root that they explain.
     #[inline(always)]
-    fn advance(&mut self, length: f64, step: &RootVector, z: &mut RootVector) {
-        axpy_lanes(length, step, z);
-        axpy_lanes(length, &self.step, &mut self.point);
-        linalg::axpy(length, &self.slope, &mut self.jar);
+    fn explain_start(&mut self) -> RootVector {
+        let mut root = [0.0; ROOT];
+        for branch in &self.branches {
+            self.point[branch.local..branch.local + branch.stride].fill(0.0);
+        }
+        for s in &self.singles {
+            self.point[s.at] += s.entry * s.start;
+        }
+        for branch in self.branches.iter().copied() {
+            unrolled!(branch => {
+                let point = &mut self.point[branch.local..branch.local + branch.stride];
+                for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
+                    axpy_lanes(*f, row, point);
+                }
+                branch.sweep(&self.inertia_factor, point);
+                axpy_lanes(1.0, &point[..branch.root], &mut root[..branch.root]);
+                branch.scale(&self.inertia_pivots, point);
+            });
+        }
+        root
+    }
+
+    /// Sets the root of each branch's point, and moves its joints with it.
+    #[inline(always)]
+    fn set_root(&mut self, z: &RootVector) {
+        for branch in self.branches.iter().copied() {
+            unrolled!(branch => {
+                let point = &mut self.point[branch.local..branch.local + branch.stride];
+                point[..branch.root].copy_from_slice(&z[..branch.root]);
+                branch.back(&self.inertia_factor, point);
+            });
+        }
+    }
+
+    /// The point that the starting forces explain at the root `z`, and its residuals `jar = bias + Y z + X d`.
+    #[inline(always)]
+    fn start(&mut self, z: &RootVector) {
+        self.explain_start();
+        self.set_root(z);
+        for branch in self.branches.iter().copied() {
+            let (jar, bias) = (&mut self.jar[branch.row0..], &self.bias[branch.row0..]);
+            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| jar[i] = bias[i] + moved));
+        }
+        for s in &mut self.singles {
+            s.jar = s.bias + s.entry * self.point[s.at];
+        }
+    }
+
+    /// Forces and second derivatives if each cost is in the active set that is expected.
+    fn expect(&mut self) {
+        for b in &mut self.blocks[..self.used] {
+            let active_set = b.response.active_set;
+            b.cost.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], active_set, &mut b.response);
+            b.store_force(&mut self.forces);
+            self.stale |= !active_set.is_affine();
+        }
+        self.singles.iter_mut().for_each(Single::respond_in);
     }
 
     /// Evaluates every cost; returns the summed cost and whether all active sets are those of before and affine.
-    #[inline(always)]
     fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
         for b in &mut self.blocks[..self.used] {
@@ -152,194 +277,171 @@ impl Arrow {
             affine &= b.response.active_set == before && before.is_affine();
             cost += b.response.cost;
         }
+        for s in &mut self.singles {
+            let (of_single, same) = s.respond();
+            cost += of_single;
+            affine &= same;
+        }
+        self.stale |= !affine;
         (cost, affine)
     }
 
-    #[inline(always)]
-    fn inertial_cost(&self, z: &RootVector) -> f64 {
-        0.5 * self.sum(z, z, |branch, arrow| {
-            let own = branch.own(&arrow.point);
-            linalg::dot(own, own)
-        })
-    }
-
-    /// `z - Y' f`, and `w - X' f` in the branches; and the size of the largest terms, against which gradients are judged.
-    #[inline(always)]
-    fn gradient(&mut self, z: &RootVector) -> (RootVector, f64) {
-        let mut gradient = [0.0; ROOT];
-        let mut own = 0.0f64;
-        for k in 0..self.branches.len() {
-            let branch = self.branches[k];
-            let point = branch.own(&self.point);
-            own += linalg::dot(point, point);
-            unrolled!(branch => self.gradient_of(&branch));
-            axpy_lanes(1.0, &self.gradient[branch.local..branch.local + ROOT], &mut gradient);
-        }
-        let scale = linalg::norm(&gradient).max(linalg::norm(z)).max(own.sqrt()).max(f64::MIN_POSITIVE);
-        axpy_lanes(1.0, z, &mut gradient);
-        (gradient, scale)
-    }
-
-    #[inline(always)]
-    fn gradient_of(&mut self, branch: &Branch) {
-        let local = &mut self.gradient[branch.local..branch.local + branch.stride];
-        local[..ROOT].fill(0.0);
-        local[ROOT..].copy_from_slice(&self.point[branch.local + ROOT..branch.local + branch.stride]);
-        for (row, f) in branch.rows(&self.matrix).zip(&self.forces[branch.row0..]) {
-            if *f != 0.0 {
-                axpy_lanes(-f, row, local);
-            }
+    /// Moves `z`, `d` and the residuals along the Newton step.
+    fn advance(&mut self, length: f64, step: &RootVector, z: &mut RootVector) {
+        axpy_lanes(length, step, z);
+        axpy_lanes(length, &self.step, &mut self.point);
+        linalg::axpy(length, &self.slope, &mut self.jar);
+        for s in &mut self.singles {
+            s.jar += length * s.slope;
         }
     }
 
-    /// Solves `H step = -gradient` and returns the root's part; the branches' are in `step`, and their changes of the
-    /// residuals in `slope`.
+    /// Inertial forces of the point, the root's in `root` and the branches' in `gradient`; and their cost.
     #[inline(always)]
-    fn newton_step(&mut self, gradient: &RootVector) -> RootVector {
-        let mut hessian = [[0.0; ROOT]; ROOT];
-        let mut step = [0.0; ROOT];
-        for i in 0..ROOT {
-            hessian[i][i] = 1.0;
-            step[i] = -gradient[i];
+    fn momentum(&mut self, z: &RootVector, root: &mut RootVector, cost: &mut f64) {
+        let n = self.root;
+        for (out, row) in root.iter_mut().zip(self.root_inertia[..n * n].chunks_exact(n)) {
+            *out = dot_lanes(row, &z[..n]);
         }
-        for k in 0..self.branches.len() {
-            let branch = self.branches[k];
+        let mut own = 0.0;
+        for branch in self.branches.iter().copied() {
             unrolled!(branch => {
-                self.assemble(&branch, &mut hessian);
-                self.eliminate(&branch, &mut hessian, &mut step);
+                let local = branch.local..branch.local + branch.stride;
+                let (point, out) = (&self.point[local.clone()], &mut self.gradient[local]);
+                branch.momentum(&self.inertia[..], point, out);
+                axpy_lanes(1.0, &out[..branch.root], &mut root[..branch.root]);
+                out[..branch.root].fill(0.0);
+                own += dot_lanes(&out[branch.root..], &point[branch.root..]);
             });
         }
-        solve_root(&mut hessian, &mut step);
-        for k in 0..self.branches.len() {
-            let branch = self.branches[k];
-            unrolled!(branch => self.step_back(&branch, &step));
-        }
-        step
+        *cost = 0.5 * (own + dot_lanes(root, z));
     }
 
-    /// `H += [Y X]' C [Y X]` of one branch, lower triangle: the root's rows to `hessian`, its own to `square`.
+    /// From inertial forces to the gradient: `- Y' f`, `- X' f`.
     #[inline(always)]
-    fn assemble(&mut self, branch: &Branch, hessian: &mut RootHessian) {
-        let stride = branch.stride;
-        let own = &mut self.square[branch.square..branch.square + branch.width * stride];
-        own.fill(0.0);
-        for (i, own) in own.chunks_exact_mut(stride).enumerate() {
-            own[ROOT + i] = 1.0;
+    fn subtract_forces(&mut self, root: &mut RootVector) {
+        for s in &self.singles {
+            self.gradient[s.at] -= s.entry * s.force;
         }
-        self.stiff.resize(self.stiff.len().max(stride), 0.0);
-        let stiff = &mut self.stiff[..stride];
-        for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
-            let first = b.first_row();
-            for i in first..b.rows {
-                let mut touched = false;
-                for k in first..b.rows {
-                    let c = b.response.hessian[(i - first) * MAX_ROWS + k - first];
-                    if c != 0.0 {
-                        if !touched {
-                            stiff.fill(0.0);
-                        }
-                        touched = true;
-                        axpy_lanes(c, branch.row(&self.matrix, b.row0 + k - branch.row0), stiff);
+        for branch in self.branches.iter().copied() {
+            unrolled!(branch => {
+                let local = &mut self.gradient[branch.local..branch.local + branch.stride];
+                for (row, f) in branch.rows(&self.matrix).zip(&self.forces[branch.row0..]) {
+                    if *f != 0.0 {
+                        axpy_lanes(-f, row, local);
                     }
                 }
-                if !touched {
-                    continue;
-                }
-                let row = branch.row(&self.matrix, b.row0 + i - branch.row0);
-                add_to_root(&row[..ROOT], &stiff[..ROOT], 1.0, hessian);
-                for (k, (own, x)) in own.chunks_exact_mut(stride).zip(&row[ROOT..]).enumerate() {
-                    if *x != 0.0 {
-                        let length = upto(ROOT + k);
-                        axpy_lanes(*x, &stiff[..length], &mut own[..length]);
-                    }
-                }
-            }
+                axpy_lanes(1.0, &local[..branch.root], &mut root[..branch.root]);
+                local[..branch.root].fill(0.0);
+            });
         }
     }
 
-    /// Eliminates a branch's own unknowns, the last first: `H = L' D L`, as the engine factors its mass matrix, so that
-    /// all rows are read from their beginning.
+    /// The gradient's norm in the metric of the inverse inertia.
+    fn gradient_norm(&mut self, gradient: &RootVector) -> f64 {
+        let mut root = *gradient;
+        let mut sum = 0.0;
+        for branch in &self.branches {
+            let row = &mut self.row[..branch.stride];
+            row.copy_from_slice(&self.gradient[branch.local..branch.local + branch.stride]);
+            sum += branch.mobility(&self.inertia_factor, &self.inertia_pivots, row);
+            let of_root = &row[..branch.root];
+            sum -= dot_lanes(of_root, of_root);
+            axpy_lanes(1.0, of_root, &mut root[..branch.root]);
+        }
+        (sum + dot_lanes(&root, &root)).sqrt()
+    }
+
+    /// What the cost falls by per unit of the Newton step.
+    fn along_step(&self, gradient: &RootVector, step: &RootVector) -> f64 {
+        let own = |b: &Branch| b.local + b.root..b.local + b.stride;
+        let of_branch = |b: &Branch| dot_lanes(&self.gradient[own(b)], &self.step[own(b)]);
+        dot_lanes(gradient, step) + self.branches.iter().map(of_branch).sum::<f64>()
+    }
+
+    /// Solves `H step = -gradient`; the root's part goes to `root`, the branches' to `step`, and what they change of the
+    /// residuals to `slope`.
     #[inline(always)]
-    fn eliminate(&mut self, branch: &Branch, hessian: &mut RootHessian, step: &mut RootVector) {
-        let stride = branch.stride;
-        let own = &mut self.square[branch.square..branch.square + branch.width * stride];
-        let right = &mut self.step[branch.local..branch.local + stride];
-        right[ROOT..].fill(0.0);
-        for (right, gradient) in right[ROOT..].iter_mut().zip(branch.own(&self.gradient)) {
-            *right = -gradient;
+    fn newton_step(&mut self, gradient: &RootVector, root: &mut RootVector) {
+        let n = self.root;
+        root.iter_mut().zip(gradient).for_each(|(out, x)| *out = -x);
+        for branch in self.branches.iter().copied() {
+            unrolled!(branch => {
+                let local = branch.local..branch.local + branch.stride;
+                let step = &mut self.step[local.clone()];
+                step.iter_mut().zip(&self.gradient[local]).for_each(|(out, x)| *out = -x);
+                branch.sweep(&self.factor, step);
+                axpy_lanes(1.0, &step[..branch.root], &mut root[..branch.root]);
+                branch.scale(&self.pivots, step);
+            });
         }
-        for j in (0..branch.width).rev() {
-            let (above, rest) = own.split_at_mut(j * stride);
-            let row = &mut rest[..stride];
-            // at least one: the Hessian is no less than the identity
-            let inverse = 1.0 / row[ROOT + j];
-            let pull = right[ROOT + j] * inverse;
-            for (i, above) in above.chunks_exact_mut(stride).enumerate() {
-                let x = row[ROOT + i];
-                if x != 0.0 {
-                    let length = upto(ROOT + i);
-                    axpy_lanes(-x * inverse, &row[..length], &mut above[..length]);
-                    right[ROOT + i] -= x * pull;
-                }
-            }
-            add_to_root(&row[..ROOT], &row[..ROOT], -inverse, hessian);
-            axpy_lanes(-pull, &row[..ROOT], step);
-            row[ROOT + j..].fill(0.0);
-            row.iter_mut().for_each(|x| *x *= inverse);
-            right[ROOT + j] = pull;
+        solve_root(n, &self.root_factor, &self.root_pivots, root);
+        for branch in self.branches.iter().copied() {
+            unrolled!(branch => {
+                let step = &mut self.step[branch.local..branch.local + branch.stride];
+                step[..branch.root].copy_from_slice(&root[..branch.root]);
+                branch.back(&self.factor, step);
+                let slope = &mut self.slope[branch.row0..];
+                branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);
+            });
+        }
+        for s in &mut self.singles {
+            s.slope = s.entry * self.step[s.at];
         }
     }
 
-    /// The branch's own step, and what it changes of the residuals.
+    /// Assembles and factors the Hessian: inertia and `[Y X]' C [Y X]`.
     #[inline(always)]
-    fn step_back(&mut self, branch: &Branch, root: &RootVector) {
-        let step = &mut self.step[branch.local..branch.local + branch.stride];
-        step[..ROOT].copy_from_slice(root);
-        let own = &self.square[branch.square..branch.square + branch.width * branch.stride];
-        for (j, row) in own.chunks_exact(branch.stride).enumerate() {
-            // a row of the factor ends before its own joint
-            let moved = dot_lanes(row, step);
-            step[ROOT + j] -= moved;
+    fn factorize(&mut self) {
+        let n = self.root;
+        self.root_factor = self.root_inertia;
+        self.factor.copy_from_slice(&self.inertia);
+        for s in &self.singles {
+            self.factor[s.diagonal] += s.entry * s.entry * s.curvature();
         }
-        let slope = &mut self.slope[branch.row0..];
-        branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);
-    }
-}
-
-/// Length of a row up to entry `last`, in whole vectors.
-#[inline(always)]
-fn upto(last: usize) -> usize {
-    (last / LANES + 1) * LANES
-}
-
-/// `H += scale a b'`, lower triangle, and what of the upper one costs nothing.
-#[inline(always)]
-fn add_to_root(a: &[f64], b: &[f64], scale: f64, hessian: &mut RootHessian) {
-    for (k, row) in hessian.iter_mut().enumerate() {
-        if a[k] != 0.0 {
-            axpy_lanes(scale * a[k], &b[..upto(k)], &mut row[..upto(k)]);
+        for branch in self.branches.iter().copied() {
+            unrolled!(branch => {
+                let own = &mut self.factor[branch.square..branch.square + branch.width * branch.stride];
+                for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
+                    branch.add_block(b, &self.matrix, &mut self.stiff, &mut self.root_factor, own);
+                }
+                branch.factorize(own, &mut self.pivots[branch.pivot..], &mut self.root_factor);
+            });
+        }
+        match n {
+            8 => factorize_root(8, &mut self.root_factor, &mut self.root_pivots),
+            12 => factorize_root(12, &mut self.root_factor, &mut self.root_pivots),
+            _ => factorize_root(n, &mut self.root_factor, &mut self.root_pivots),
         }
     }
 }
 
-/// Solves `H x = b` in place, `H` being no less than the identity.
+/// Factors the root's Hessian, no less than the identity, as [`Branch::factorize`] does.
 #[inline(always)]
-fn solve_root(hessian: &mut RootHessian, b: &mut RootVector) {
-    for j in (0..ROOT).rev() {
-        let (above, rest) = hessian.split_at_mut(j);
-        let row = &mut rest[0];
+fn factorize_root(n: usize, hessian: &mut [f64], pivots: &mut RootVector) {
+    for j in (0..n).rev() {
+        let (above, rest) = hessian.split_at_mut(j * n);
+        let row = &mut rest[..n];
         let inverse = 1.0 / row[j];
+        pivots[j] = inverse;
         row[j..].fill(0.0);
-        b[j] *= inverse;
-        let pull = b[j];
-        for (i, above) in above.iter_mut().enumerate() {
-            let l = row[i] * inverse;
-            axpy_lanes(-l, &row[..upto(i)], &mut above[..upto(i)]);
-            b[i] -= row[i] * pull;
+        for (i, above) in above.chunks_exact_mut(n).enumerate() {
+            axpy_lanes(-row[i] * inverse, row, above);
         }
         row.iter_mut().for_each(|x| *x *= inverse);
     }
-    for j in 0..ROOT {
-        b[j] -= dot_lanes(&hessian[j], b);
+}
+
+/// Solves `H x = b` in place.
+#[inline(always)]
+fn solve_root(n: usize, factor: &[f64], pivots: &RootVector, b: &mut RootVector) {
+    for (j, row) in factor[..n * n].chunks_exact(n).enumerate().rev() {
+        axpy_lanes(-b[j], row, &mut b[..n]);
+    }
+    for (b, inverse) in b[..n].iter_mut().zip(pivots) {
+        *b *= inverse;
+    }
+    for (j, row) in factor[..n * n].chunks_exact(n).enumerate() {
+        b[j] -= dot_lanes(row, &b[..n]);
     }
 }

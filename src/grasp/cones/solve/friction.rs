@@ -24,12 +24,11 @@ impl GraspSolver {
             let rows = self.arrow.residual(block).len() - cost.first_friction_row().unwrap_or(0);
             !gives(member) && cost.change(&force[..rows]) > SMALL_CHANGE
         };
-        if !self.order.iter().enumerate().any(changed) {
+        let changed_single = |single: usize| self.arrow.single(single).change() > SMALL_CHANGE;
+        if !self.order.iter().enumerate().any(changed) && !(0..self.singles.len()).any(changed_single) {
             return false;
         }
-        self.start.clear();
-        self.costs.clear();
-        for block in 0..self.order.len() {
+        for (block, member) in self.order.iter().enumerate() {
             let (cost, response) = (self.arrow.cost(block), self.arrow.response(block));
             let mut start = [0.0; MAX_ROWS];
             match cost {
@@ -37,65 +36,67 @@ impl GraspSolver {
                 Cost::Still => {}
                 _ => start = response.force,
             }
-            self.start.extend_from_slice(&start[..self.arrow.residual(block).len()]);
-            let cost = if gives(&self.order[block]) { *cost } else { cost.centred(&response.force) };
-            self.costs.push((cost, response.active_set));
+            let cost = if gives(member) { *cost } else { cost.centred(&response.force) };
+            let active_set = response.active_set;
+            self.arrow.recost(block, cost, active_set, &start);
         }
-        self.kept.fill(0.0);
-        let costs = &self.costs;
-        self.arrow.continue_with(&self.kept, &self.start, |block| costs[block]);
+        self.arrow.centre_singles();
         true
     }
 
     /// Keeps the normal forces of the main pass and turns each block's cost into friction under them.
     pub(super) fn fix_normals(&mut self, contacts: &mut [GraspContact], coupled: &mut CoupledConstraints) {
-        self.kept.clear();
-        self.start.clear();
-        self.costs.clear();
-        for (block, member) in self.order.iter().enumerate() {
-            let recost = match *member {
-                Member::Contact(i) => friction_of_contact(&self.arrow, block, &mut contacts[i]),
-                Member::Foreign(i) => friction_of_contact(&self.arrow, block, coupled.foreign_mut(i)),
-                Member::Coupled(i) => friction_of_coupled(&self.arrow, block, coupled, i),
-            };
-            let rows = self.arrow.residual(block).len();
-            self.kept.extend_from_slice(&recost.kept[..rows]);
-            self.start.extend_from_slice(&recost.start[..rows]);
-            self.costs.push((recost.cost, recost.active_set));
+        let GraspSolver { arrow, order, singles, .. } = self;
+        arrow.keep(
+            |block, force| {
+                let kept = match order[block] {
+                    Member::Contact(_) | Member::Foreign(_) => 1,
+                    Member::Coupled(i) => coupled.kept_rows(i),
+                };
+                let mut out = [0.0; MAX_ROWS];
+                out[..kept].copy_from_slice(&force[..kept]);
+                out
+            },
+            |single, force| if coupled.kept_rows(singles[single]) > 0 { force } else { 0.0 },
+        );
+        for block in 0..order.len() {
+            match order[block] {
+                Member::Contact(i) => friction_of_contact(arrow, block, &mut contacts[i]),
+                Member::Foreign(i) => friction_of_contact(arrow, block, coupled.foreign_mut(i)),
+                Member::Coupled(i) => friction_of_coupled(arrow, block, coupled, i),
+            }
         }
-        let costs = &self.costs;
-        self.arrow.continue_with(&self.kept, &self.start, |block| costs[block]);
+        for (single, &i) in singles.iter().enumerate() {
+            let own = arrow.single(single).mobility;
+            let resistance = RESISTANCE * if own > IMMOBILE { own } else { 1.0 };
+            let (mut force, s) = ([0.0; MAX_ROWS], arrow.single(single));
+            force[0] = s.force;
+            let (cost, active_set) = coupled.end_main_pass(i, (&force, s.active_set()), &[s.jar], resistance);
+            let start = if let Cost::Bounded { centre, .. } = cost { centre } else { 0.0 };
+            arrow.recost_single(single, &cost, active_set, start);
+        }
     }
-}
-
-/// A block's part in the friction pass.
-struct Recost {
-    cost: Cost,
-    active_set: ActiveSet,
-    /// Forces that stand.
-    kept: [f64; MAX_ROWS],
-    /// Forces at which the pass starts.
-    start: [f64; MAX_ROWS],
 }
 
 /// Below this nothing moves along a row: a tonne is 1e-3 \[1/kg\].
 const IMMOBILE: f64 = 1e-9;
 
-/// From the inverse inertia of `row`; from that of the block's most mobile direction where nothing can move along `row`, as
-/// across the rail of a target on a slide.
-fn resistance(arrow: &Arrow, block: usize, row: usize) -> f64 {
-    let own = arrow.row_inverse_inertia(block, row);
+/// From how easily the block's rows move; from its most mobile direction where nothing can move along the row that is known,
+/// as across the rail of a target on a slide.
+fn resistance(arrow: &mut Arrow, block: usize) -> f64 {
+    let own = arrow.mobility(block);
     if own > IMMOBILE {
         return RESISTANCE * own;
     }
     let rows = arrow.residual(block).len().min(3);
-    let largest = (0..rows).map(|row| arrow.row_inverse_inertia(block, row)).fold(0.0, f64::max);
+    let largest = (0..rows).map(|row| arrow.row_mobility(block, row)).fold(0.0, f64::max);
     RESISTANCE * if largest > IMMOBILE { largest } else { 1.0 }
 }
 
-fn friction_of_contact(arrow: &Arrow, block: usize, contact: &mut GraspContact) -> Recost {
+fn friction_of_contact(arrow: &mut Arrow, block: usize, contact: &mut GraspContact) {
     let rows = contact.parameters.condim;
-    let response = *arrow.response(block);
+    let resistance = resistance(arrow, block);
+    let response = arrow.response(block);
     contact.force_rows = [0.0; MAX_ROWS];
     contact.force_rows[0] = response.force[0];
     contact.main = response.force;
@@ -115,7 +116,6 @@ fn friction_of_contact(arrow: &Arrow, block: usize, contact: &mut GraspContact) 
         }
         None => ActiveSet::Stick,
     };
-    let resistance = resistance(arrow, block, rows.min(2) - 1);
     let friction = contact.parameters.friction;
     let cost = match *arrow.cost(block) {
         Cost::Pyramidal { stiffness, friction } => {
@@ -124,29 +124,22 @@ fn friction_of_contact(arrow: &Arrow, block: usize, contact: &mut GraspContact) 
         }
         _ => Cost::slip_ellipsoid(centre, resistance, friction, response.force[0]),
     };
-    let (mut kept, mut start) = ([0.0; MAX_ROWS], [0.0; MAX_ROWS]);
-    kept[0] = response.force[0];
+    let mut start = [0.0; MAX_ROWS];
     start[1..rows].copy_from_slice(&centre[..rows - 1]);
-    Recost { cost, active_set, kept, start }
+    arrow.recost(block, cost, active_set, &start);
 }
 
-fn friction_of_coupled(arrow: &Arrow, block: usize, coupled: &mut CoupledConstraints, i: usize) -> Recost {
+fn friction_of_coupled(arrow: &mut Arrow, block: usize, coupled: &mut CoupledConstraints, i: usize) {
+    let resistance = resistance(arrow, block);
     let response = arrow.response(block);
-    let jar = arrow.residual(block);
-    let rows = jar.len();
-    let resistance = resistance(arrow, block, rows.min(2) - 1);
-    let (cost, active_set) = coupled.end_main_pass(i, (&response.force, response.active_set), jar, resistance);
-    if coupled.list()[i].gives {
-        return Recost { cost, active_set, kept: [0.0; MAX_ROWS], start: response.force };
+    let force = response.force;
+    let (cost, active_set) = coupled.end_main_pass(i, (&force, response.active_set), arrow.residual(block), resistance);
+    let mut start = [0.0; MAX_ROWS];
+    match cost {
+        _ if coupled.list()[i].gives => start = force,
+        Cost::Slip { centre, .. } => start[1..].copy_from_slice(&centre),
+        Cost::Bounded { centre, .. } => start[0] = centre,
+        _ => {}
     }
-    let (mut kept, mut start) = (response.force, [0.0; MAX_ROWS]);
-    if let Some(first) = cost.first_friction_row() {
-        kept[first..].fill(0.0);
-        match cost {
-            Cost::Slip { centre, .. } => start[1..].copy_from_slice(&centre),
-            Cost::Bounded { centre, .. } => start[0] = centre,
-            _ => {}
-        }
-    }
-    Recost { cost, active_set, kept, start }
+    arrow.recost(block, cost, active_set, &start);
 }

@@ -1,0 +1,233 @@
+//! Kernels on one branch. Rows are whole vectors of [`LANES`] numbers, `[root; own]`, and matrices row-major in such rows.
+
+#![allow(clippy::needless_range_loop)] // small matrices are read by their indices, as in the formulas
+
+use super::Block;
+use crate::grasp::contact::cost::MAX_ROWS;
+use crate::grasp::linalg::{LANES, axpy_lanes, dot_lanes};
+
+/// Blocks and singles that share joints.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Branch {
+    pub blocks: (usize, usize),
+    pub singles: (usize, usize),
+    pub row0: usize,
+    pub rows: usize,
+    /// Length of the root's part of each row.
+    pub root: usize,
+    /// Unknowns of its own.
+    pub width: usize,
+    /// Length of `[root; own]`, filled up with zeros to a multiple of [`LANES`].
+    pub stride: usize,
+    /// Offset of `[Y X]`, one row of `stride` for each of the branch's.
+    pub matrix: usize,
+    /// Offset in the arrays that hold `[root; own]` of each branch.
+    pub local: usize,
+    /// Offset of its own rows of inertia and Hessian, `width` of `stride`.
+    pub square: usize,
+    /// Offset of their pivots.
+    pub pivot: usize,
+}
+
+/// Does `$call` with a branch whose root and stride the compiler knows, so that the loops over its rows unroll.
+macro_rules! unrolled {
+    ($branch:ident => $call:expr) => {
+        match ($branch.root, $branch.stride) {
+            (8, 8) => unrolled!(8, 8, $branch => $call),
+            (8, 12) => unrolled!(8, 12, $branch => $call),
+            (8, 16) => unrolled!(8, 16, $branch => $call),
+            (12, 12) => unrolled!(12, 12, $branch => $call),
+            (12, 16) => unrolled!(12, 16, $branch => $call),
+            (12, 20) => unrolled!(12, 20, $branch => $call),
+            _ => $call,
+        }
+    };
+    ($root:literal, $stride:literal, $branch:ident => $call:expr) => {{
+        let $branch = Branch { root: $root, stride: $stride, ..$branch };
+        $call
+    }};
+}
+pub(super) use unrolled;
+
+impl Branch {
+    /// Row `i` of the branch's `[Y X]`.
+    #[inline(always)]
+    pub fn row<'a>(&self, matrix: &'a [f64], i: usize) -> &'a [f64] {
+        let start = self.matrix + i * self.stride;
+        &matrix[start..start + self.stride]
+    }
+
+    /// All of them.
+    #[inline(always)]
+    pub fn rows<'a>(&self, matrix: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
+        matrix[self.matrix..self.matrix + self.rows * self.stride].chunks_exact(self.stride)
+    }
+
+    /// Calls `row` with `[Y X] x` of each row, `x` being the branch's in `vector`.
+    #[inline(always)]
+    pub fn apply(&self, matrix: &[f64], vector: &[f64], mut row: impl FnMut(usize, f64)) {
+        let x = &vector[self.local..self.local + self.stride];
+        for (i, entries) in self.rows(matrix).enumerate() {
+            row(i, dot_lanes(entries, x));
+        }
+    }
+
+    /// The branch's rows of a square array.
+    #[inline(always)]
+    fn own_rows<'a>(&self, square: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
+        square[self.square..self.square + self.width * self.stride].chunks_exact(self.stride)
+    }
+
+    /// `[N' d; N z + M d]` of the inertia's rows and `[z; d]`.
+    #[inline(always)]
+    pub fn momentum(&self, inertia: &[f64], point: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (j, row) in self.own_rows(inertia).enumerate() {
+            out[self.root + j] = dot_lanes(row, point);
+            axpy_lanes(point[self.root + j], &row[..self.root], &mut out[..self.root]);
+        }
+    }
+
+    /// Factors a branch's own rows `[B H]`, lower triangle, the last unknown first: `H = L' D L`, as the engine factors its
+    /// mass matrix, so that all rows are read from their beginning. Leaves rows of `[D^-1 L^-T B, L - 1]` and the inverse
+    /// pivots, and subtracts `B' H^-1 B` from the root's lower triangle.
+    #[inline(always)]
+    pub fn factorize(&self, own: &mut [f64], pivots: &mut [f64], root: &mut [f64]) {
+        let stride = self.stride;
+        for j in (0..self.width).rev() {
+            let (above, rest) = own.split_at_mut(j * stride);
+            let row = &mut rest[..stride];
+            let inverse = 1.0 / row[self.root + j].max(f64::MIN_POSITIVE);
+            pivots[j] = inverse;
+            row[self.root + j..].fill(0.0);
+            for (i, above) in above.chunks_exact_mut(stride).enumerate() {
+                let x = row[self.root + i];
+                if x != 0.0 {
+                    axpy_lanes(-x * inverse, row, above);
+                }
+            }
+            for i in 0..self.root {
+                axpy_lanes(-row[i] * inverse, &row[..self.root], &mut root[i * self.root..(i + 1) * self.root]);
+            }
+            row.iter_mut().for_each(|x| *x *= inverse);
+        }
+    }
+
+    /// What `[y; x]` of a right-hand side is once the own unknowns are eliminated: `y - B' H^-1 x`, and `L^-T x`.
+    #[inline(always)]
+    pub fn sweep(&self, factor: &[f64], vector: &mut [f64]) {
+        for (j, row) in self.own_rows(factor).enumerate().rev() {
+            let x = vector[self.root + j];
+            if x != 0.0 {
+                // a row of the factor ends before its own unknown
+                axpy_lanes(-x, row, vector);
+            }
+        }
+    }
+
+    /// `J M^-1 J'` of the row that is in `vector`, which is used up.
+    #[inline(always)]
+    pub fn mobility(&self, factor: &[f64], pivots: &[f64], vector: &mut [f64]) -> f64 {
+        self.sweep(factor, vector);
+        let (root, own) = vector.split_at(self.root);
+        let pivots = &pivots[self.pivot..self.pivot + self.width];
+        dot_lanes(root, root) + own.iter().zip(pivots).map(|(x, inverse)| x * x * inverse).sum::<f64>()
+    }
+
+    /// `x <- D^-1 x` of the own unknowns.
+    #[inline(always)]
+    pub fn scale(&self, pivots: &[f64], vector: &mut [f64]) {
+        let pivots = &pivots[self.pivot..self.pivot + self.width];
+        for (x, inverse) in vector[self.root..].iter_mut().zip(pivots) {
+            *x *= inverse;
+        }
+    }
+
+    /// The own unknowns, where the root is what it is in `[z; x]`: `x <- L^-1 x - H^-1 B z`.
+    #[inline(always)]
+    pub fn back(&self, factor: &[f64], vector: &mut [f64]) {
+        for (j, row) in self.own_rows(factor).enumerate() {
+            let moved = dot_lanes(row, vector);
+            vector[self.root + j] -= moved;
+        }
+    }
+
+    /// Adds `J' C J` of one block to the root's Hessian and the branch's own rows.
+    #[inline(always)]
+    pub fn add_block(&self, block: &Block, matrix: &[f64], stiff: &mut [f64], root: &mut [f64], own: &mut [f64]) {
+        let first = block.first_row();
+        let rows = block.rows - first;
+        let start = self.matrix + (block.row0 + first - self.row0) * self.stride;
+        let matrix = &matrix[start..start + rows * self.stride];
+        for (i, out) in stiff[..rows * self.stride].chunks_exact_mut(self.stride).enumerate() {
+            out.fill(0.0);
+            for (k, row) in matrix.chunks_exact(self.stride).enumerate() {
+                let c = block.response.hessian[i * MAX_ROWS + k];
+                if c != 0.0 {
+                    axpy_lanes(c, row, out);
+                }
+            }
+        }
+        let stiff = &stiff[..rows * self.stride];
+        let (mut left, mut at) = (rows, 0);
+        while left > 0 {
+            // five are three and two, six twice three
+            let take = if left > 4 { 3 } else { left };
+            let (rows, stiff) = (&matrix[at * self.stride..], &stiff[at * self.stride..]);
+            match take {
+                4 => self.add_products::<4>(rows, stiff, root, own),
+                3 => self.add_products::<3>(rows, stiff, root, own),
+                2 => self.add_products::<2>(rows, stiff, root, own),
+                _ => self.add_products::<1>(rows, stiff, root, own),
+            }
+            left -= take;
+            at += take;
+        }
+    }
+
+    /// Adds `sum row stiff'` of `D` rows.
+    #[inline(always)]
+    fn add_products<const D: usize>(&self, rows: &[f64], stiff: &[f64], root: &mut [f64], own: &mut [f64]) {
+        let stride = self.stride;
+        let (rows, stiff) = (&rows[..D * stride], &stiff[..D * stride]);
+        for i in 0..self.root {
+            let mut scale = [0.0; D];
+            for k in 0..D {
+                scale[k] = rows[k * stride + i];
+            }
+            self.add_rows(self.root, &scale, stiff, &mut root[i * self.root..(i + 1) * self.root]);
+        }
+        for j in 0..self.width {
+            let mut scale = [0.0; D];
+            let mut moved = false;
+            for k in 0..D {
+                scale[k] = rows[k * stride + self.root + j];
+                moved |= scale[k] != 0.0;
+            }
+            // a link knows nothing of the joints beyond it
+            if moved {
+                self.add_rows(stride, &scale, stiff, &mut own[j * stride..(j + 1) * stride]);
+            }
+        }
+    }
+
+    /// `out += sum scale_k rows_k` of the first `length` columns.
+    #[inline(always)]
+    fn add_rows<const D: usize>(&self, length: usize, scale: &[f64; D], rows: &[f64], out: &mut [f64]) {
+        let count = length / LANES;
+        let out = &mut out.as_chunks_mut::<LANES>().0[..count];
+        let mut row: [&[[f64; LANES]]; D] = [&[]; D];
+        for k in 0..D {
+            row[k] = &rows[k * self.stride..].as_chunks::<LANES>().0[..count];
+        }
+        for c in 0..count {
+            let mut sum = out[c];
+            for k in 0..D {
+                for lane in 0..LANES {
+                    sum[lane] += scale[k] * row[k][c][lane];
+                }
+            }
+            out[c] = sum;
+        }
+    }
+}
