@@ -46,7 +46,7 @@ mod warnings;
 pub use arrow::Arrow;
 #[cfg(feature = "render")]
 pub use camera::Camera;
-pub use collision::{Clearance, PairCollider};
+pub use collision::{Clearance, GeomSets, PairCollider};
 pub use compat::MassFactor;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};

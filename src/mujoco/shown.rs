@@ -16,6 +16,19 @@ impl Simulation {
     /// # Errors
     /// [`Error::OutOfRange`] for a geom that does not exist, [`Error::Value`] for a condim that is not 1, 3, 4 or 6.
     pub fn append_contact(&mut self, contact: &Contact) -> Result<Option<usize>, Error> {
+        self.append(contact, EXCLUDED_BY_US)
+    }
+
+    /// As [`append_contact`](Self::append_contact), for the engine's own solve: as if its collision stage had found the
+    /// contact. Kept out of the solve if it is `excluded`.
+    ///
+    /// # Errors
+    /// As [`append_contact`](Self::append_contact).
+    pub fn append_engine_contact(&mut self, contact: &Contact) -> Result<Option<usize>, Error> {
+        self.append(contact, i32::from(contact.excluded))
+    }
+
+    fn append(&mut self, contact: &Contact, exclude: i32) -> Result<Option<usize>, Error> {
         // The engine takes all of these as addresses and counts.
         for geom in contact.geoms {
             check_index(GeomId::KIND, geom.index(), self.model().ngeom())?;
@@ -37,7 +50,7 @@ impl Simulation {
         raw.solimp = contact.solimp;
         raw.dim = contact.condim as i32;
         [raw.geom1, raw.geom2] = contact.geoms.map(|geom| geom.index() as i32);
-        raw.exclude = EXCLUDED_BY_US;
+        raw.exclude = exclude;
         raw.efc_address = -1;
         compat::complete_contact(&mut raw);
         let index = self.contact_count();

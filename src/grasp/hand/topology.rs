@@ -3,6 +3,8 @@
 //! The hand's kinematic tree is cut at the palm. The degrees of freedom from the world to the palm and those of the
 //! target are the *root*; each subtree that hangs from the palm is a *finger* of its own.
 
+use crate::mujoco::BodyId;
+
 /// The parts of a model that describe its kinematic tree; see MuJoCo's `mjModel`.
 #[derive(Clone, Copy, Debug)]
 pub struct Tree<'a> {
@@ -143,6 +145,12 @@ impl Topology {
     /// True for the target and all that is fixed to it.
     pub fn in_target(&self, body: usize) -> bool {
         self.in_target[body]
+    }
+
+    /// True if one of two bodies is in the hand and the other in the target.
+    pub fn joins(&self, [a, b]: [BodyId; 2]) -> bool {
+        let [a, b] = [a.index(), b.index()];
+        (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a])
     }
 
     /// True if the target hangs on the hand's own tree, so that hand and target are one mechanism.

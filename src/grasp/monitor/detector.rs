@@ -1,8 +1,8 @@
 //! Finding the contacts of the latched grasps.
 //!
 //! The engine's collision stage looks at every pair of bodies. While grasps are latched, the contacts between their hands
-//! and targets are found directly by the engine's own narrow phase, and its whole collision stage is left out of a step for
-//! which nothing else can touch anything.
+//! and targets are found directly by the engine's own narrow phase, with those of whatever else has come near, and its whole
+//! collision stage is left out of a step for which nothing else can touch anything.
 //!
 //! When that is depends on how long ago distances were measured, so it is no part of a saved grasp. It may not be seen in
 //! the result either: where the engine's stage could find other contacts of the grasps than the narrow phase alone (its
@@ -10,7 +10,10 @@
 
 use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
-use crate::mujoco::{self, Clearance, Contact, GeomId, PairCollider, Simulation};
+use crate::mujoco::{self, Clearance, Contact, GeomId, GeomSets, PairCollider, Simulation};
+
+/// Pairs of bodies, besides hands and their targets, whose contacts are found directly.
+const MAX_NEAR: usize = 32;
 
 /// Collision detection for the grasps that are latched together.
 #[derive(Debug, Clone, Default)]
@@ -18,6 +21,10 @@ pub(in crate::grasp) struct Detector {
     /// Model and latched grasps (by their numbers) that `direct` was made for.
     origin: u64,
     latched: Vec<usize>,
+    /// Geoms of hands and their targets, then of bodies that have come near each other.
+    sets: Vec<GeomSets>,
+    /// Number of the latter; none are added once their contacts are not found directly, or once they are too many.
+    near: usize,
     /// Not in all versions of the engine, nor for all kinds of contacts.
     direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
@@ -33,20 +40,25 @@ impl Detector {
         };
         let sets: Vec<_> =
             grasps.iter().map(|of| [geoms(&|body| of.in_hand(body)), geoms(&|body| of.in_target(body))]).collect();
-        let sets: Vec<_> = sets.iter().map(|[hand, target]| [hand.as_slice(), target.as_slice()]).collect();
-        let direct = match PairCollider::of_sets(sim, &sets) {
+        let direct = Self::direct(sim, &sets)?;
+        Ok(Detector { origin: sim.model().origin(), latched, sets, near: 0, direct, found: Vec::new() })
+    }
+
+    fn direct(sim: &Simulation, sets: &[GeomSets]) -> Result<Option<(PairCollider, Clearance)>, Error> {
+        let sets: Vec<_> = sets.iter().map(|[a, b]| [a.as_slice(), b.as_slice()]).collect();
+        match PairCollider::of_sets(sim, &sets) {
             Ok(collider) => {
                 let clearance = Clearance::new(sim, &collider)?;
-                Some((collider, clearance))
+                Ok(Some((collider, clearance)))
             }
-            Err(mujoco::Error::Unsupported(_)) => None,
-            Err(other) => return Err(other.into()),
-        };
-        Ok(Detector { origin: sim.model().origin(), latched, direct, found: Vec::new() })
+            Err(mujoco::Error::Unsupported(_)) => Ok(None),
+            Err(other) => Err(other.into()),
+        }
     }
 
     /// Takes the place of the engine's collision stage if nothing can touch but the hands and targets of `grasps`, each
-    /// with its own; false, with nothing done, if something else might, or if the stage might find other contacts.
+    /// with its own, and what was near before; false, with nothing done, if something else might, or if the stage might find
+    /// other contacts.
     pub(in crate::grasp) fn replaces_collision<'a>(
         &mut self,
         sim: &mut Simulation,
@@ -54,12 +66,15 @@ impl Detector {
     ) -> Result<bool, Error> {
         let latched = grasps.clone().map(|(id, _)| id);
         if self.origin != sim.model().origin() || !latched.eq(self.latched.iter().copied()) {
-            *self = Self::new(sim, grasps)?;
+            *self = Self::new(sim, grasps.clone())?;
         }
         let Some((collider, clearance)) = &mut self.direct else {
             return Ok(false);
         };
         if !clearance.certifies(sim)? {
+            if let Some(near) = clearance.near().filter(|_| self.near < MAX_NEAR) {
+                self.watch(sim, near)?;
+            }
             return Ok(false);
         }
         collider.collide(sim, &mut self.found)?;
@@ -67,13 +82,33 @@ impl Detector {
         if alike {
             sim.skip_collision();
             for contact in &self.found {
-                sim.append_contact(contact)?;
+                if grasps.clone().any(|(_, grasp)| grasp.joins(contact.bodies)) {
+                    sim.append_contact(contact)?;
+                } else {
+                    sim.append_engine_contact(contact)?;
+                }
             }
         }
         Ok(alike)
     }
 
-    /// The contacts between hands and targets, in the engine's order.
+    /// Finds the contacts of two more bodies directly from the next step on, if that can be.
+    fn watch(&mut self, sim: &Simulation, near: GeomSets) -> Result<(), Error> {
+        self.sets.push(near);
+        match Self::direct(sim, &self.sets)? {
+            Some(direct) => {
+                self.direct = Some(direct);
+                self.near += 1;
+            }
+            None => {
+                self.sets.pop();
+                self.near = MAX_NEAR;
+            }
+        }
+        Ok(())
+    }
+
+    /// The contacts that were found directly, in the engine's order.
     pub(in crate::grasp) fn found(&self) -> &[Contact] {
         &self.found
     }
@@ -120,7 +155,10 @@ mod tests {
         sim.kinematics().unwrap();
         let replaced = (0..30).any(|_| detector.replaces_collision(sim, grasps.iter().enumerate()).unwrap());
         if replaced {
-            let found: Vec<Contact> = sim.contacts().map(|contact| Contact { excluded: false, ..contact }).collect();
+            let of_grasps = |contact: &Contact| grasps.iter().any(|grasp| grasp.joins(contact.bodies));
+            let appended: Vec<Contact> = sim.contacts().collect();
+            assert!(appended.iter().all(|contact| contact.excluded == of_grasps(contact)), "{appended:?}");
+            let found: Vec<Contact> = appended.into_iter().map(|contact| Contact { excluded: false, ..contact }).collect();
             sim.collision().unwrap();
             assert_eq!(found, sim.contacts().collect::<Vec<_>>());
             assert_eq!(found, detector.found());
@@ -129,27 +167,31 @@ mod tests {
     }
 
     #[test]
-    fn several_grasps_replace_the_stage_and_whatever_else_touches_brings_it_back() {
+    fn several_grasps_replace_the_stage_and_whatever_else_touches_is_found_with_them() {
         let (mut sim, both) = scene();
         let mut detector = Detector::default();
         let supported = PairCollider::supported();
+        let count = |contacts: usize| if supported { contacts } else { 0 };
         assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
-        assert_eq!(detector.found().len(), if supported { 2 } else { 0 });
-        // The contact of a hand that has not latched is the engine's.
-        assert!(!replaced(&mut detector, &mut sim, &both[..1]));
+        assert_eq!(detector.found().len(), count(2));
+        // The contact of a hand that has not latched is the engine's to solve.
+        assert_eq!(replaced(&mut detector, &mut sim, &both[..1]), supported);
+        assert_eq!((detector.found().len(), detector.near), (count(2), count(1)));
         assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
-        // A body that is put somewhere else is noticed at once, and when it has gone again.
+        // A body that is put somewhere else is noticed at once: the first step is the engine's.
         let other = sim.model().nq() - 7;
         sim.qpos_mut()[other..other + 3].copy_from_slice(&[2.149, 0.059, 0.0]);
-        assert!(!replaced(&mut detector, &mut sim, &both));
+        sim.kinematics().unwrap();
+        assert!(!detector.replaces_collision(&mut sim, both.iter().enumerate()).unwrap());
+        assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
+        assert_eq!((detector.found().len(), detector.near), (count(3), count(1)));
         sim.qpos_mut()[other + 1] = 1.0;
         assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
+        assert_eq!(detector.found().len(), count(2));
         // One hand in the other's way.
         let ball = sim.model().nq() - 14;
-        let back = sim.qpos()[ball..ball + 3].to_vec();
         sim.qpos_mut()[ball..ball + 3].copy_from_slice(&[0.1, 0.049, 0.0]);
-        assert!(!replaced(&mut detector, &mut sim, &both));
-        sim.qpos_mut()[ball..ball + 3].copy_from_slice(&back);
         assert_eq!(replaced(&mut detector, &mut sim, &both), supported);
+        assert_eq!(detector.near, count(2));
     }
 }

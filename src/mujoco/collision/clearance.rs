@@ -8,6 +8,7 @@ use super::narrow_phase::PairCollider;
 use super::pairs::{TestedPair, detects};
 use super::travel::{Ledger, NotANumber};
 use crate::mujoco::error::Error;
+use crate::mujoco::ids::GeomId;
 use crate::mujoco::simulation::Simulation;
 
 /// Calls for which the answer stays "no" after something was found near.
@@ -35,6 +36,9 @@ pub struct Clearance {
     /// Of the model.
     origin: u64,
 }
+
+/// The geoms of two bodies.
+pub type GeomSets = [Vec<GeomId>; 2];
 
 impl Clearance {
     /// For all geom pairs that collision detection tests, but those of `collider`.
@@ -79,6 +83,12 @@ impl Clearance {
             self.rest = BACK_OFF;
         }
         Ok(self.blocked.is_none())
+    }
+
+    /// The geoms of the two bodies that may touch, if that is why the last call said "no": a collider that covers them too
+    /// lets the next say "yes".
+    pub fn near(&self) -> Option<GeomSets> {
+        self.blocked.map(|group| self.proximity.geoms(group))
     }
 }
 

@@ -10,6 +10,7 @@ use super::parameters::ContactParameters;
 use super::shape::{Pose, Shape};
 use crate::mujoco::compat;
 use crate::mujoco::ffi;
+use crate::mujoco::ids::GeomId;
 use crate::mujoco::simulation::Simulation;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::{BTreeMap, HashSet};
@@ -128,6 +129,17 @@ impl Proximity {
         let clearance = self.clearance(sim, group);
         self.measured[group] = Measured { clearance, relative };
         clearance
+    }
+
+    /// The geoms of a group's pairs, those of either side.
+    pub fn geoms(&self, group: usize) -> [Vec<GeomId>; 2] {
+        let pairs = &self.pairs[self.groups[group].pairs.clone()];
+        [0, 1].map(|side| {
+            let mut geoms: Vec<usize> = pairs.iter().map(|pair| pair.geoms[side]).collect();
+            geoms.sort_unstable();
+            geoms.dedup();
+            geoms.into_iter().map(GeomId::from_index).collect()
+        })
     }
 
     /// The least of all pairs'.

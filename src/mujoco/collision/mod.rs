@@ -15,5 +15,5 @@ mod parameters;
 mod shape;
 mod travel;
 
-pub use clearance::Clearance;
+pub use clearance::{Clearance, GeomSets};
 pub use narrow_phase::PairCollider;
