@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::error::{Error, Field};
 use crate::grasp::Limits;
+use crate::grasp::spec::{wrong_solimp, wrong_solref};
 
 /// A scenario file. SI units, seconds, newtons, radians; quaternions are w, x, y, z.
 #[derive(Clone, Debug, Deserialize)]
@@ -74,6 +75,18 @@ pub struct GraspEntry {
     /// Box only: orientation of the axis frame in the target's frame; left out: the target's.
     #[serde(default)]
     pub axes: Option<[f64; 4]>,
+    /// Box and rigid only: MuJoCo's `solref` of the weld's axes that may not slip; left out: from the contacts.
+    #[serde(default)]
+    pub solref: Option<[f64; 2]>,
+    /// Box and rigid only: MuJoCo's `solimp` of those axes; left out: from the contacts.
+    #[serde(default)]
+    pub solimp: Option<[f64; 5]>,
+    /// Box only: `solref` of the axes that may slip.
+    #[serde(default)]
+    pub relaxed_solref: Option<[f64; 2]>,
+    /// Box only: `solimp` of the axes that may slip.
+    #[serde(default)]
+    pub relaxed_solimp: Option<[f64; 5]>,
 }
 
 /// One axis of the box form.
@@ -284,10 +297,38 @@ impl GraspEntry {
         if self.axes.is_some() && !boxed {
             return Err(at("axes").wrong("has a meaning only with limits = \"box\""));
         }
+        self.check_softness(path, index)?;
         if let Some(q) = self.axes {
             let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
             if !norm.is_finite() || norm < 1e-6 {
                 return Err(at("axes").wrong(format!("is {q:?}; give a quaternion w, x, y, z that is not zero")));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_softness(&self, path: &Path, index: usize) -> Result<(), Error> {
+        let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
+        let boxed = self.limits == Some(Limits::Box);
+        let welded = matches!(self.limits, Some(Limits::Box | Limits::Rigid));
+        for (name, given, has_meaning, limits) in [
+            ("solref", self.solref.is_some(), welded, "\"box\" or \"rigid\""),
+            ("solimp", self.solimp.is_some(), welded, "\"box\" or \"rigid\""),
+            ("relaxed_solref", self.relaxed_solref.is_some(), boxed, "\"box\""),
+            ("relaxed_solimp", self.relaxed_solimp.is_some(), boxed, "\"box\""),
+        ] {
+            if given && !has_meaning {
+                return Err(at(name).wrong(format!("has a meaning only with limits = {limits}")));
+            }
+        }
+        for (name, solref) in [("solref", self.solref), ("relaxed_solref", self.relaxed_solref)] {
+            if let Some((solref, wrong)) = solref.and_then(|solref| Some((solref, wrong_solref(&solref)?))) {
+                return Err(at(name).wrong(format!("is {solref:?}; {wrong}")));
+            }
+        }
+        for (name, solimp) in [("solimp", self.solimp), ("relaxed_solimp", self.relaxed_solimp)] {
+            if let Some((solimp, wrong)) = solimp.and_then(|solimp| Some((solimp, wrong_solimp(&solimp)?))) {
+                return Err(at(name).wrong(format!("is {solimp:?}; {wrong}")));
             }
         }
         Ok(())

@@ -12,13 +12,15 @@ use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
-use crate::grasp::spec::Limits;
+use crate::grasp::linalg;
+use crate::grasp::spec::GraspSpec;
 use crate::grasp::weld::bilateral::{BilateralContact, SavedBilateral, normal_resistance};
 use crate::grasp::weld::bounds::Bounds;
 use crate::grasp::weld::impedance::{Fingers, ROWS, for_each_dof, link_motion, motion, relative_rows, row_wrench};
-use crate::grasp::weld::impedance::{power, reference_point};
+use crate::grasp::weld::impedance::{condim, dof_motion, for_each_dof_below, power, reference_point};
 use crate::grasp::weld::merged_hand::MergedHand;
 use crate::grasp::weld::rows::{WELD_ROWS, regularise};
+use crate::grasp::weld::soft_axes::{SoftAxes, SoftMemory};
 use crate::mujoco::{BodyId, CompiledModel, Simulation};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
@@ -54,6 +56,7 @@ pub(in crate::grasp) struct MergedSolver {
     /// Wrench across the grasp in the last step, on the target, in `frame`.
     wrench: Vector6<f64>,
     bounds: Bounds,
+    soft: SoftAxes,
     internal: Vec<f64>,
     scratch: Scratch,
 }
@@ -64,6 +67,7 @@ pub(in crate::grasp) struct MergedState {
     pub contacts: Vec<SavedBilateral>,
     pub wrench: Vector6<f64>,
     pub bounds: Bounds,
+    pub soft: SoftMemory,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -78,18 +82,13 @@ struct Scratch {
 }
 
 impl MergedSolver {
-    pub(in crate::grasp) fn new(
-        model: &CompiledModel,
-        topology: &Topology,
-        target: BodyId,
-        limits: Limits,
-        relaxed: [bool; WELD_ROWS],
-        axes: UnitQuaternion<f64>,
-    ) -> Self {
+    pub(in crate::grasp) fn new(model: &CompiledModel, topology: &Topology, spec: &GraspSpec) -> Self {
+        let weights = model.body_invweight0();
+        let of_both = |part: usize| weights[2 * spec.target.index() + part] + weights[2 * topology.palm() + part];
         MergedSolver {
-            target,
-            bounded: relaxed.map(|r| r && limits == Limits::Box),
-            axes,
+            target: spec.target,
+            bounded: spec.bounded(),
+            axes: spec.axes,
             fingers: Fingers::new(model, topology),
             merged: MergedHand::default(),
             order: Vec::new(),
@@ -101,6 +100,7 @@ impl MergedSolver {
             excess: Matrix6::zeros(),
             wrench: Vector6::zeros(),
             bounds: Bounds::default(),
+            soft: SoftAxes::new(spec.softness(), std::array::from_fn(|axis| of_both(axis / 3))),
             internal: Vec::new(),
             scratch: Scratch::default(),
         }
@@ -124,13 +124,14 @@ impl MergedSolver {
     /// What the next step remembers, into `out`.
     pub(in crate::grasp) fn save_into(&self, out: &mut MergedState) {
         out.contacts.clone_from(&self.memory);
-        (out.wrench, out.bounds) = (self.wrench, self.bounds);
+        (out.wrench, out.bounds, out.soft) = (self.wrench, self.bounds, self.soft.memory());
     }
 
     /// The next step remembers `state`.
     pub(in crate::grasp) fn restore(&mut self, state: &MergedState) {
         self.memory.clone_from(&state.contacts);
         (self.wrench, self.bounds) = (state.wrench, state.bounds);
+        self.soft.restore(state.soft);
         self.rows = None;
     }
 
@@ -162,6 +163,7 @@ impl MergedSolver {
             }
         }
         self.wrench = turn(&self.frame.transpose(), &wrench);
+        self.soft.begin(self.wrench, contacts);
         self.bounds = Bounds::of(contacts.iter().map(|c| c.loaded()));
     }
 
@@ -217,25 +219,26 @@ impl MergedSolver {
             self.fingers.mobility(sim, topology, finger, (contacts, group), mobility, base);
             maps.clear();
             resistances.clear();
-            let n = ROWS * group.len();
-            for (k, &i) in group.iter().enumerate() {
+            let n: usize = group.iter().map(|&i| condim(&contacts[i])).sum();
+            let mut at = 0;
+            for &i in &*group {
                 let c = &contacts[i];
                 let law = BilateralContact::of(c, options, &self.memory);
                 for row in 0..ROWS {
                     maps.push(row_wrench(c, row, &self.com));
-                    let at = ROWS * k + row;
                     let bodies = c.parameters.inverse_weight / if row < 3 { 1.0 } else { lever * lever };
-                    let scale = mobility[at * n + at].max(bodies);
                     resistances.push(match row {
                         0 => law.resistance,
-                        _ if row < c.parameters.condim => RESISTANCE * scale,
-                        _ => ABSENT * scale,
+                        _ if row < condim(c) => RESISTANCE * bodies.max(mobility[(at + row) * (n + 1)]),
+                        _ => ABSENT * bodies,
                     });
                 }
+                at += condim(c);
                 self.bilateral.push(law);
                 self.order.push(i);
             }
-            self.merged.add_finger(mobility, base, maps, resistances);
+            let coupled = group.iter().enumerate().flat_map(|(k, &i)| ROWS * k..ROWS * k + condim(&contacts[i]));
+            self.merged.add_finger(mobility, base, maps, resistances, coupled);
         }
     }
 
@@ -258,16 +261,16 @@ impl MergedSolver {
                 jacobian[(i + 3) * nv + dof] += angular[i];
             }
         });
+        // the joints that carry the palm move all links alike: one map for all of them
+        let (carrying, mut of_all) = (topology.leaf(topology.palm()), Matrix6::zeros());
         for (block, &i) in self.order.iter().enumerate() {
             let map = link_motion(sim, &contacts[i], |row| turn(&to_axes, self.merged.share(ROWS * block + row)));
-            for_each_dof(sim, topology, contacts[i].link, |dof| {
-                let axis = Vector6::from_column_slice(&sim.cdof()[6 * dof..6 * dof + 6]);
-                let merged = map * axis;
-                for row in 0..WELD_ROWS {
-                    jacobian[row * nv + dof] -= merged[row];
-                }
+            of_all += map;
+            for_each_dof_below(sim, topology.leaf(contacts[i].link), carrying, |dof| {
+                subtract(jacobian, nv, dof, &(map * dof_motion(sim, dof)));
             });
         }
+        for_each_dof_below(sim, carrying, None, |dof| subtract(jacobian, nv, dof, &(of_all * dof_motion(sim, dof))));
     }
 
     /// Once the smooth accelerations are known: sets the rows' references and bounds, and adds the internal force to the
@@ -280,19 +283,27 @@ impl MergedSolver {
         out: &mut [f64],
     ) -> Result<(), Error> {
         let Some(rows) = self.rows else { return Ok(()) };
+        let options = SolverOptions::of(sim.model());
         self.references(sim, topology, contacts);
         let bias = &mut self.scratch.bias;
         for (row, (x, f)) in bias.iter_mut().zip(&self.internal).enumerate() {
             *x += self.merged.resistance(row) * f;
         }
-        let reference = turn(&self.frame.transpose(), &self.merged.merge(bias)) + self.excess * self.wrench;
+        let mut reference = turn(&self.frame.transpose(), &self.merged.merge(bias)) + self.excess * self.wrench;
+        let nv = sim.model().nv();
         for (axis, &row) in rows.iter().enumerate() {
+            let bound = self.bounded[axis].then(|| self.bounds.axis(axis));
+            let velocity = linalg::dot(&self.scratch.jacobian[axis * nv..(axis + 1) * nv], sim.qvel());
+            if let Some((regularisation, soft)) = self.soft.row(axis, velocity, bound, &options) {
+                sim.set_row_regularization(row, regularisation)?;
+                reference[axis] = soft;
+            }
             if !reference[axis].is_finite() {
                 return Err(Error::Diverged { time: sim.time(), what: "the reference of the merged effectors" });
             }
             sim.set_row_reference(row, reference[axis])?;
-            if self.bounded[axis] {
-                sim.set_row_friction_limit(row, self.bounds.axis(axis))?;
+            if let Some(bound) = bound {
+                sim.set_row_friction_limit(row, bound)?;
             }
         }
         for (block, &i) in self.order.iter().enumerate() {
@@ -362,6 +373,13 @@ impl MergedSolver {
     fn place_frame(&mut self, sim: &Simulation) {
         self.com = sim.subtree_com_of(self.target);
         self.frame = (sim.body_quaternion(self.target) * self.axes).to_rotation_matrix().into_inner();
+    }
+}
+
+/// Takes `motion` from column `dof` of a 6 x `nv` Jacobian.
+fn subtract(jacobian: &mut [f64], nv: usize, dof: usize, motion: &Vector6<f64>) {
+    for (row, x) in motion.iter().enumerate() {
+        jacobian[row * nv + dof] -= x;
     }
 }
 
