@@ -60,8 +60,8 @@ pub struct GraspSpec {
     pub axes: UnitQuaternion<f64>,
     /// Spring and damper of the weld's axes that may not slip, [`Limits::Box`] and [`Limits::Rigid`] only, as MuJoCo's
     /// `solref` of a weld: `[time constant (s), damping ratio]`, both positive, or `[-stiffness, -damping]`, neither positive.
-    /// The spring is at rest in the pose and with the wrench of the latch. `None`: from the contacts, whose forces the weld
-    /// then shares as they would.
+    /// The spring acts between target and palm and is at rest in the pose and with the wrench of the latch. `None`: from
+    /// the contacts, which the weld then follows.
     pub solref: Option<[f64; 2]>,
     /// Impedance of those axes, as MuJoCo's `solimp` of a weld: `[d_0, d_width, width, midpoint, power]`, the width in m, for
     /// angular axes in rad. With `solref` alone it is that of the contact that pressed hardest at the latch, and the other

@@ -124,7 +124,7 @@ impl GraspState {
         if let Some(merged) = &self.merged {
             let bounds = [merged.bounds.force, merged.bounds.torque];
             sound("list of merged contacts", merged.contacts.iter().all(|c| c.is_finite() && known(c.geoms())))?;
-            sound("displacement of soft axes", merged.soft.is_finite())?;
+            sound("memory of soft axes", merged.soft.is_sound())?;
             sound("merged wrench", merged.wrench.iter().all(|x| x.is_finite()))?;
             sound("pair of bounds", bounds.iter().all(|x| x.is_finite() && *x >= 0.0))?;
         }

@@ -308,27 +308,22 @@ impl GraspEntry {
     }
 
     fn check_softness(&self, path: &Path, index: usize) -> Result<(), Error> {
-        let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
-        let boxed = self.limits == Some(Limits::Box);
-        let welded = matches!(self.limits, Some(Limits::Box | Limits::Rigid));
-        for (name, given, has_meaning, limits) in [
-            ("solref", self.solref.is_some(), welded, "\"box\" or \"rigid\""),
-            ("solimp", self.solimp.is_some(), welded, "\"box\" or \"rigid\""),
-            ("relaxed_solref", self.relaxed_solref.is_some(), boxed, "\"box\""),
-            ("relaxed_solimp", self.relaxed_solimp.is_some(), boxed, "\"box\""),
+        let solref = |given: Option<[f64; 2]>| given.map(|x| (format!("{x:?}"), wrong_solref(&x)));
+        let solimp = |given: Option<[f64; 5]>| given.map(|x| (format!("{x:?}"), wrong_solimp(&x)));
+        let welded: &[Limits] = &[Limits::Box, Limits::Rigid];
+        for (name, given, limits, named) in [
+            ("solref", solref(self.solref), welded, "\"box\" or \"rigid\""),
+            ("solimp", solimp(self.solimp), welded, "\"box\" or \"rigid\""),
+            ("relaxed_solref", solref(self.relaxed_solref), &welded[..1], "\"box\""),
+            ("relaxed_solimp", solimp(self.relaxed_solimp), &welded[..1], "\"box\""),
         ] {
-            if given && !has_meaning {
-                return Err(at(name).wrong(format!("has a meaning only with limits = {limits}")));
+            let Some((value, wrong)) = given else { continue };
+            let field = Field::new(path, &format!("grasp[{index}].{name}"));
+            if !self.limits.is_some_and(|chosen| limits.contains(&chosen)) {
+                return Err(field.wrong(format!("has a meaning only with limits = {named}")));
             }
-        }
-        for (name, solref) in [("solref", self.solref), ("relaxed_solref", self.relaxed_solref)] {
-            if let Some((solref, wrong)) = solref.and_then(|solref| Some((solref, wrong_solref(&solref)?))) {
-                return Err(at(name).wrong(format!("is {solref:?}; {wrong}")));
-            }
-        }
-        for (name, solimp) in [("solimp", self.solimp), ("relaxed_solimp", self.relaxed_solimp)] {
-            if let Some((solimp, wrong)) = solimp.and_then(|solimp| Some((solimp, wrong_solimp(&solimp)?))) {
-                return Err(at(name).wrong(format!("is {solimp:?}; {wrong}")));
+            if let Some(wrong) = wrong {
+                return Err(field.wrong(format!("is {value}; {wrong}")));
             }
         }
         Ok(())

@@ -6,6 +6,7 @@ pub(crate) mod bounds;
 mod impedance;
 mod merged_hand;
 pub(crate) mod rows;
+mod six;
 mod soft_axes;
 pub(crate) mod solve;
 mod tree_factor;

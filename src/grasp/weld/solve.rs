@@ -12,7 +12,6 @@ use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
-use crate::grasp::linalg;
 use crate::grasp::spec::GraspSpec;
 use crate::grasp::weld::bilateral::{BilateralContact, SavedBilateral, normal_resistance};
 use crate::grasp::weld::bounds::Bounds;
@@ -20,6 +19,7 @@ use crate::grasp::weld::impedance::{Fingers, ROWS, for_each_dof, link_motion, mo
 use crate::grasp::weld::impedance::{condim, dof_motion, for_each_dof_below, power, reference_point};
 use crate::grasp::weld::merged_hand::MergedHand;
 use crate::grasp::weld::rows::{WELD_ROWS, regularise};
+use crate::grasp::weld::six::{mean_distance, subtract, turn, turn_matrix};
 use crate::grasp::weld::soft_axes::{SoftAxes, SoftMemory};
 use crate::mujoco::{BodyId, CompiledModel, Simulation};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
@@ -37,6 +37,7 @@ const LEAST_LEVER: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub(in crate::grasp) struct MergedSolver {
     target: BodyId,
+    palm: BodyId,
     bounded: [bool; WELD_ROWS],
     axes: UnitQuaternion<f64>,
     fingers: Fingers,
@@ -87,6 +88,7 @@ impl MergedSolver {
         let of_both = |part: usize| weights[2 * spec.target.index() + part] + weights[2 * topology.palm() + part];
         MergedSolver {
             target: spec.target,
+            palm: BodyId::from_index(topology.palm()),
             bounded: spec.bounded(),
             axes: spec.axes,
             fingers: Fingers::new(model, topology),
@@ -163,7 +165,7 @@ impl MergedSolver {
             }
         }
         self.wrench = turn(&self.frame.transpose(), &wrench);
-        self.soft.begin(self.wrench, contacts);
+        self.soft.begin(self.pose(sim), self.wrench, contacts);
         self.bounds = Bounds::of(contacts.iter().map(|c| c.loaded()));
     }
 
@@ -290,11 +292,12 @@ impl MergedSolver {
             *x += self.merged.resistance(row) * f;
         }
         let mut reference = turn(&self.frame.transpose(), &self.merged.merge(bias)) + self.excess * self.wrench;
-        let nv = sim.model().nv();
+        let [displacement, velocity] =
+            if self.soft.any() { self.motion_in_palm(sim, topology) } else { Default::default() };
         for (axis, &row) in rows.iter().enumerate() {
             let bound = self.bounded[axis].then(|| self.bounds.axis(axis));
-            let velocity = linalg::dot(&self.scratch.jacobian[axis * nv..(axis + 1) * nv], sim.qvel());
-            if let Some((regularisation, soft)) = self.soft.row(axis, velocity, bound, &options) {
+            let motion = (displacement[axis], velocity[axis]);
+            if let Some((regularisation, soft)) = self.soft.row(axis, motion, bound, &options) {
                 sim.set_row_regularization(row, regularisation)?;
                 reference[axis] = soft;
             }
@@ -370,34 +373,28 @@ impl MergedSolver {
         self.bounds = Bounds::of(contacts.iter().map(|c| c.loaded()));
     }
 
+    /// The target's centre of mass and orientation in the palm's frame.
+    fn pose(&self, sim: &Simulation) -> (Vector3<f64>, UnitQuaternion<f64>) {
+        let palm = sim.body_quaternion(self.palm).inverse();
+        (palm * (self.com - sim.body_position(self.palm)), palm * sim.body_quaternion(self.target))
+    }
+
+    /// Displacement of the target since the latch and velocity, against the palm, in the rows' axes.
+    fn motion_in_palm(&self, sim: &Simulation, topology: &Topology) -> [Vector6<f64>; 2] {
+        let at_com = |body: usize| {
+            let [rx, ry, rz, x, y, z] = motion(sim, topology, body, sim.qvel());
+            let (rotation, translation) = (Vector3::new(rx, ry, rz), Vector3::new(x, y, z));
+            let v = translation + rotation.cross(&(self.com - reference_point(sim, body)));
+            Vector6::new(v.x, v.y, v.z, rx, ry, rz)
+        };
+        let to_axes = self.frame.transpose();
+        let palm = sim.body_quaternion(self.palm).to_rotation_matrix().into_inner();
+        let velocity = at_com(self.target.index()) - at_com(self.palm.index());
+        [turn(&(to_axes * palm), &self.soft.displacement(self.pose(sim))), turn(&to_axes, &velocity)]
+    }
+
     fn place_frame(&mut self, sim: &Simulation) {
         self.com = sim.subtree_com_of(self.target);
         self.frame = (sim.body_quaternion(self.target) * self.axes).to_rotation_matrix().into_inner();
     }
-}
-
-/// Takes `motion` from column `dof` of a 6 x `nv` Jacobian.
-fn subtract(jacobian: &mut [f64], nv: usize, dof: usize, motion: &Vector6<f64>) {
-    for (row, x) in motion.iter().enumerate() {
-        jacobian[row * nv + dof] -= x;
-    }
-}
-
-fn mean_distance(contacts: &[GraspContact]) -> f64 {
-    let mean = 1.0 / contacts.len().max(1) as f64;
-    let centroid: Vector3<f64> = contacts.iter().map(|c| c.position * mean).sum();
-    contacts.iter().map(|c| (c.position - centroid).norm() * mean).sum()
-}
-
-/// Both halves of a six-vector turned.
-fn turn(rotation: &Matrix3<f64>, x: &Vector6<f64>) -> Vector6<f64> {
-    let (a, b) = (rotation * x.fixed_rows::<3>(0), rotation * x.fixed_rows::<3>(3));
-    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
-}
-
-fn turn_matrix(rotation: &Matrix3<f64>, x: &Matrix6<f64>) -> Matrix6<f64> {
-    let mut six = Matrix6::zeros();
-    six.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
-    six.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
-    six * x * six.transpose()
 }
