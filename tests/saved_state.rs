@@ -292,7 +292,11 @@ fn damaged_states_are_refused() {
         ("merged", &|state| {
             let zero = serde_json::json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
             state["grasps"][0]["merged"] = serde_json::json!({
-                "contacts": [], "wrench": zero, "bounds": { "force": 0.0, "torque": 0.0 }
+                "contacts": [], "wrench": zero, "bounds": { "force": 0.0, "torque": 0.0 },
+                "soft": {
+                    "position": [0.0, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0], "yielded": zero, "preload": zero,
+                    "solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]
+                }
             });
         }),
         ("settings", &|state| {

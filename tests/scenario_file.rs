@@ -24,6 +24,8 @@ latch_time = 0.1
 limits = "box"
 relaxed = ["x", "rz"]
 axes = [2.0, 0.0, 0.0, 0.0]
+solref = [0.01, 0.9]
+relaxed_solimp = [0.8, 0.95, 0.002, 0.4, 3.0]
 
 [timeline]
 duration = 6.0
@@ -94,6 +96,8 @@ fn every_field_is_read() {
     assert_eq!((grasp.latch_time, grasp.limits), (0.1, Limits::Box));
     assert_eq!(grasp.relaxed, [true, false, false, false, false, true]);
     assert!(grasp.axes.angle() < 1e-15);
+    assert_eq!((grasp.solref, grasp.solimp, grasp.relaxed_solref), (Some([0.01, 0.9]), None, None));
+    assert_eq!(grasp.relaxed_solimp, Some([0.8, 0.95, 0.002, 0.4, 3.0]));
     assert_eq!((plan.timeline.duration, plan.timeline.pin_until, plan.timeline.measure_from()), (6.0, 3.0, 4.0));
     let index = |name: &str| model.actuator(name).unwrap().index();
     assert_eq!(plan.controls[0].all, Some(0.0));
@@ -204,6 +208,9 @@ fn numbers_that_make_no_sense() {
         refused("torque = [0.0, ", &format!("torque = [{bad}, "), &["push[0].torque[0] (x)", "finite"]);
     }
     refused("axes = [2.0,", "axes = [0.0,", &["grasp[0].axes", "not zero"]);
+    refused("[0.01, 0.9]", "[0.01, -0.9]", &["grasp[0].solref", "-0.9", "damping ratio", "-stiffness"]);
+    refused("[0.8, 0.95,", "[0.8, 1.95,", &["grasp[0].relaxed_solimp", "1.95", "between 0 and 1"]);
+    refused("0.4, 3.0]", "0.4, 0.5]", &["grasp[0].relaxed_solimp", "power at least 1"]);
 }
 
 #[test]
@@ -213,6 +220,16 @@ fn values_that_contradict_each_other() {
     refused("start = 4.5", "start = 5.5", &["push[0].duration", "end at 6.5 s", "timeline.duration = 6"]);
     refused("release_quality = 0.05", "release_quality = 0.2", &["grasp[0].release_quality", "below latch_quality"]);
     refused("limits = \"box\"\n", "", &["grasp[0].relaxed", "limits = \"box\""]);
+    let short =
+        |key: &str, limits: &str| SHORT.replace("[timeline]", &format!("limits = \"{limits}\"\n{key}\n[timeline]"));
+    for (key, limits, right) in [
+        ("solref = [0.02, 1.0]", "cones", "\"box\" or \"rigid\""),
+        ("relaxed_solref = [0.02, 1.0]", "rigid", "limits = \"box\""),
+    ] {
+        let error =
+            ScenarioFile::parse(&short(key, limits), Path::new("short.toml")).expect_err("no meaning").to_string();
+        assert!(error.contains(right) && error.contains("solref"), "{error}");
+    }
     refused("all = 0.0\nset = { f0_mcp = 0.45, f0_pip = 0.75 }", "", &["control[0].set", "must set something"]);
     refused("name = \"fp1\"", "name = \"all\"", &["push[0].name", "--push"]);
     refused("name = \"fp1\"", "name = \"a/b\"", &["push[0].name", "names files"]);

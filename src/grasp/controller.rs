@@ -13,7 +13,7 @@ use super::hand::topology::{Topology, Tree, is_ancestor};
 use super::monitor::gram::Gram;
 use super::monitor::phase::{Phase, PhaseMachine};
 use super::monitor::wrench::LoadedContact;
-use super::spec::{GraspSpec, Limits, palm_of, thresholds, weight};
+use super::spec::{GraspSpec, Limits, check_softness, palm_of, thresholds, weight};
 use super::state::Identity;
 use super::weld::rows;
 use super::weld::solve::MergedSolver;
@@ -95,10 +95,10 @@ impl Grasp {
             Limits::Cones => None,
             Limits::Box | Limits::Rigid => {
                 let weld = rows::find(sim, &topology, spec.limits, &name(spec.target))?;
-                let (limits, relaxed, axes) = (spec.limits, spec.relaxed, spec.axes);
-                Some((weld, MergedSolver::new(model, &topology, spec.target, limits, relaxed, axes)))
+                Some((weld, MergedSolver::new(model, &topology, spec)))
             }
         };
+        check_softness(spec)?;
         let (latch_quality, release_quality) = thresholds(spec, weight(model, spec.target))?;
         let mut is_link = vec![false; parents.len()];
         for link in &links {

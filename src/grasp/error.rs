@@ -64,6 +64,16 @@ pub enum Error {
         /// Its value \[s\].
         value: f64,
     },
+    /// Spring, damper or impedance of a weld's axes that make no sense.
+    #[error("{name} is {value}; {expected}")]
+    Softness {
+        /// The field of the spec.
+        name: &'static str,
+        /// Its value.
+        value: String,
+        /// What would be right.
+        expected: &'static str,
+    },
     /// A body that the model does not have.
     #[error(
         "the {role} is body number {index}, but the model has {count} bodies, numbered from 0; take ids from the model that is simulated"

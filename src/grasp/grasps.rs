@@ -7,6 +7,7 @@ use super::monitor::detector::Detector;
 use super::settings::Settings;
 use super::spec::GraspSpec;
 use super::state::{GraspsState, Structure};
+use super::weld::bounded_rows::BoundedRows;
 use crate::mujoco::Simulation;
 use std::ops::{Index, IndexMut};
 
@@ -20,6 +21,7 @@ pub struct Grasps {
     /// Of the model; `None` before the first grasp.
     model: Option<(u64, Structure)>,
     pub(super) force: GraspForce,
+    pub(super) bounded_rows: BoundedRows,
     pub(super) detector: Detector,
     /// The user's solver settings, while a merged grasp has others.
     pub(super) settings: Option<Settings>,

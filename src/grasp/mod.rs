@@ -12,7 +12,7 @@ pub mod metrics;
 pub mod monitor;
 mod settings;
 mod snapshot;
-mod spec;
+pub(crate) mod spec;
 mod state;
 mod step;
 pub(crate) mod weld;

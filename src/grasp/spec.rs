@@ -58,6 +58,27 @@ pub struct GraspSpec {
     pub relaxed: [bool; 6],
     /// Orientation of those axes in the target's frame, [`Limits::Box`] only.
     pub axes: UnitQuaternion<f64>,
+    /// Spring and damper of the weld's axes that may not slip, [`Limits::Box`] and [`Limits::Rigid`] only, as MuJoCo's
+    /// `solref` of a weld: `[time constant (s), damping ratio]`, both positive, or `[-stiffness, -damping]`, neither positive.
+    /// The spring acts between target and palm and is at rest in the pose and with the wrench of the latch. `None`: from
+    /// the contacts, which the weld then follows.
+    pub solref: Option<[f64; 2]>,
+    /// Impedance of those axes, as MuJoCo's `solimp` of a weld: `[d_0, d_width, width, midpoint, power]`, the width in m, for
+    /// angular axes in rad. With `solref` alone it is that of the contact that pressed hardest at the latch, and the other
+    /// way round; without both the axis is as the contacts are.
+    pub solimp: Option<[f64; 5]>,
+    /// As [`solref`](Self::solref), of the axes that may slip, [`Limits::Box`] only: such an axis is soft and has a bound,
+    /// at which its spring yields.
+    pub relaxed_solref: Option<[f64; 2]>,
+    /// As [`solimp`](Self::solimp), of the axes that may slip, [`Limits::Box`] only.
+    pub relaxed_solimp: Option<[f64; 5]>,
+}
+
+/// Spring and damper that the user has given to an axis of the weld.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct AxisSoftness {
+    pub solref: Option<[f64; 2]>,
+    pub solimp: Option<[f64; 5]>,
 }
 
 /// Simulated time of good quality after which a grasp latches, unless set otherwise \[s\].
@@ -85,8 +106,44 @@ impl GraspSpec {
             limits: Limits::default(),
             relaxed: [true; 6],
             axes: UnitQuaternion::identity(),
+            solref: None,
+            solimp: None,
+            relaxed_solref: None,
+            relaxed_solimp: None,
         }
     }
+
+    /// Axes of the weld that have bounds.
+    pub(super) fn bounded(&self) -> [bool; 6] {
+        self.relaxed.map(|relaxed| relaxed && self.limits == Limits::Box)
+    }
+
+    /// What the user has given to each axis; `None`: nothing.
+    pub(super) fn softness(&self) -> [Option<AxisSoftness>; 6] {
+        self.bounded().map(|bounded| {
+            let (solref, solimp) =
+                if bounded { (self.relaxed_solref, self.relaxed_solimp) } else { (self.solref, self.solimp) };
+            (solref.is_some() || solimp.is_some()).then_some(AxisSoftness { solref, solimp })
+        })
+    }
+}
+
+/// What is wrong with a `solref`, and what would be right.
+pub(crate) fn wrong_solref(solref: &[f64; 2]) -> Option<&'static str> {
+    let sound = solref.iter().all(|x| x.is_finite() && *x > 0.0) || solref.iter().all(|x| x.is_finite() && *x <= 0.0);
+    (!sound).then_some(
+        "it must be [time constant in s, damping ratio], both above 0, or [-stiffness, -damping], neither above 0",
+    )
+}
+
+/// What is wrong with a `solimp`, and what would be right.
+pub(crate) fn wrong_solimp(&[d_0, d_width, width, midpoint, power]: &[f64; 5]) -> Option<&'static str> {
+    let inside = |x: f64| 0.0 < x && x < 1.0;
+    let sound = [d_0, d_width, midpoint].into_iter().all(inside) && width >= 0.0 && power >= 1.0;
+    (!(sound && width.is_finite() && power.is_finite())).then_some(
+        "it must be [d_0, d_width, width, midpoint, power]: d_0, d_width and midpoint between 0 and 1, width at least 0, \
+         power at least 1",
+    )
 }
 
 /// The base of fingers given by their links: the lowest common ancestor, and for a single link its parent.
@@ -105,6 +162,22 @@ impl GraspSpec {
             None => Ok(()),
         }
     }
+}
+
+/// That springs, dampers and impedances of the weld's axes make sense.
+pub(super) fn check_softness(spec: &GraspSpec) -> Result<(), Error> {
+    let wrong = |name, value: String, expected| Err(Error::Softness { name, value, expected });
+    for (name, solref) in [("solref", spec.solref), ("relaxed_solref", spec.relaxed_solref)] {
+        if let Some((solref, expected)) = solref.and_then(|solref| Some((solref, wrong_solref(&solref)?))) {
+            return wrong(name, format!("{solref:?}"), expected);
+        }
+    }
+    for (name, solimp) in [("solimp", spec.solimp), ("relaxed_solimp", spec.relaxed_solimp)] {
+        if let Some((solimp, expected)) = solimp.and_then(|solimp| Some((solimp, wrong_solimp(&solimp)?))) {
+            return wrong(name, format!("{solimp:?}"), expected);
+        }
+    }
+    Ok(())
 }
 
 /// What a grasp of `target` is measured by: the weight of all that hangs on it \[N\]; without gravity, what it would be on

@@ -11,7 +11,7 @@ use super::contact::contacts::SavedContact;
 use super::error::Error;
 use super::monitor::phase::Phase;
 use super::settings::Settings;
-use super::spec::{GraspSpec, Limits};
+use super::spec::{AxisSoftness, GraspSpec, Limits};
 use super::weld::solve::MergedState;
 use crate::mujoco::{BodyId, CompiledModel};
 use serde::{Deserialize, Serialize};
@@ -51,6 +51,8 @@ pub(super) struct Identity {
     times: [f64; 2],
     /// What [`Limits::Box`] bounds: axes, and their orientation (w, x, y, z).
     bounded: Option<([bool; 6], [f64; 4])>,
+    /// Spring and damper of each of the weld's axes, where they are given.
+    softness: [Option<AxisSoftness>; 6],
 }
 
 impl Identity {
@@ -70,6 +72,7 @@ impl Identity {
             thresholds,
             times: [spec.latch_time, spec.release_time],
             bounded: (spec.limits == Limits::Box).then_some((spec.relaxed, [q.w, q.i, q.j, q.k])),
+            softness: spec.softness(),
         }
     }
 
@@ -84,7 +87,8 @@ impl Identity {
         same("limits", &other.limits, &self.limits)?;
         same("pair of latch_quality and release_quality", &other.thresholds, &self.thresholds)?;
         same("pair of latch_time and release_time", &other.times, &self.times)?;
-        same("choice of relaxed axes", &other.bounded, &self.bounded)
+        same("choice of relaxed axes", &other.bounded, &self.bounded)?;
+        same("softness of the weld's axes", &other.softness, &self.softness)
     }
 }
 
@@ -120,6 +124,7 @@ impl GraspState {
         if let Some(merged) = &self.merged {
             let bounds = [merged.bounds.force, merged.bounds.torque];
             sound("list of merged contacts", merged.contacts.iter().all(|c| c.is_finite() && known(c.geoms())))?;
+            sound("memory of soft axes", merged.soft.is_sound())?;
             sound("merged wrench", merged.wrench.iter().all(|x| x.is_finite()))?;
             sound("pair of bounds", bounds.iter().all(|x| x.is_finite() && *x >= 0.0))?;
         }

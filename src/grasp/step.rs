@@ -88,23 +88,27 @@ impl Hooks for Grasps {
             for grasp in self.list.iter_mut().filter(|g| g.is_merged()) {
                 grasp.load_merged(sim, &mut self.force.generalised)?;
             }
-            self.force.apply(sim)?;
         }
-        let solved_rows = self.solve_cones(sim)?;
-        if merged || solved_rows < sim.nefc() {
-            if self.may_be_complete() {
-                sim.project_constraint()?;
+        if !self.solve_merged(sim)? {
+            if merged {
+                self.force.apply(sim)?;
             }
-            self.force.apply(sim)?;
-            sim.constraint()?;
-            self.force.count_as_constraint(sim);
-        }
-        if solved_rows > 0 || !merged && sim.nefc() == 0 {
-            // rows that were solved together with a grasp have the forces of that solve
-            for grasp in &self.list {
-                grasp.write_row_forces(sim);
+            let solved_rows = self.solve_cones(sim)?;
+            if merged || solved_rows < sim.nefc() {
+                if self.may_be_complete() {
+                    sim.project_constraint()?;
+                }
+                self.force.apply(sim)?;
+                sim.constraint()?;
+                self.force.count_as_constraint(sim);
             }
-            sim.impose_constraint_forces(&self.force.generalised)?;
+            if solved_rows > 0 || !merged && sim.nefc() == 0 {
+                // rows that were solved together with a grasp have the forces of that solve
+                for grasp in &self.list {
+                    grasp.write_row_forces(sim);
+                }
+                sim.impose_constraint_forces(&self.force.generalised)?;
+            }
         }
         for grasp in self.list.iter_mut().filter(|g| g.is_merged()) {
             grasp.read_merged(sim);
@@ -152,7 +156,14 @@ impl Grasps {
 
     /// Whether the grasps may leave the engine's solver nothing to do.
     fn may_be_complete(&self) -> bool {
-        self.list.iter().any(Grasp::is_cones) && !self.list.iter().any(Grasp::is_merged)
+        self.list.iter().any(Grasp::is_cones) != self.list.iter().any(Grasp::is_merged)
+    }
+
+    /// Solves all rows of a step whose latched grasps are all merged; false if that is not so, or if there are rows for the
+    /// engine's own solver.
+    fn solve_merged(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+        let welds = self.weld_rows(sim);
+        Ok(!self.list.iter().any(Grasp::is_cones) && self.bounded_rows.solve(sim, &welds, &self.force.generalised)?)
     }
 
     /// Solves the latched grasps with friction cones, those that move each other as one problem; returns how many of the

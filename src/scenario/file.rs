@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::error::{Error, Field};
 use crate::grasp::Limits;
+use crate::grasp::spec::{wrong_solimp, wrong_solref};
 
 /// A scenario file. SI units, seconds, newtons, radians; quaternions are w, x, y, z.
 #[derive(Clone, Debug, Deserialize)]
@@ -74,6 +75,18 @@ pub struct GraspEntry {
     /// Box only: orientation of the axis frame in the target's frame; left out: the target's.
     #[serde(default)]
     pub axes: Option<[f64; 4]>,
+    /// Box and rigid only: MuJoCo's `solref` of the weld's axes that may not slip; left out: from the contacts.
+    #[serde(default)]
+    pub solref: Option<[f64; 2]>,
+    /// Box and rigid only: MuJoCo's `solimp` of those axes; left out: from the contacts.
+    #[serde(default)]
+    pub solimp: Option<[f64; 5]>,
+    /// Box only: `solref` of the axes that may slip.
+    #[serde(default)]
+    pub relaxed_solref: Option<[f64; 2]>,
+    /// Box only: `solimp` of the axes that may slip.
+    #[serde(default)]
+    pub relaxed_solimp: Option<[f64; 5]>,
 }
 
 /// One axis of the box form.
@@ -284,10 +297,33 @@ impl GraspEntry {
         if self.axes.is_some() && !boxed {
             return Err(at("axes").wrong("has a meaning only with limits = \"box\""));
         }
+        self.check_softness(path, index)?;
         if let Some(q) = self.axes {
             let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
             if !norm.is_finite() || norm < 1e-6 {
                 return Err(at("axes").wrong(format!("is {q:?}; give a quaternion w, x, y, z that is not zero")));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_softness(&self, path: &Path, index: usize) -> Result<(), Error> {
+        let solref = |given: Option<[f64; 2]>| given.map(|x| (format!("{x:?}"), wrong_solref(&x)));
+        let solimp = |given: Option<[f64; 5]>| given.map(|x| (format!("{x:?}"), wrong_solimp(&x)));
+        let welded: &[Limits] = &[Limits::Box, Limits::Rigid];
+        for (name, given, limits, named) in [
+            ("solref", solref(self.solref), welded, "\"box\" or \"rigid\""),
+            ("solimp", solimp(self.solimp), welded, "\"box\" or \"rigid\""),
+            ("relaxed_solref", solref(self.relaxed_solref), &welded[..1], "\"box\""),
+            ("relaxed_solimp", solimp(self.relaxed_solimp), &welded[..1], "\"box\""),
+        ] {
+            let Some((value, wrong)) = given else { continue };
+            let field = Field::new(path, &format!("grasp[{index}].{name}"));
+            if !self.limits.is_some_and(|chosen| limits.contains(&chosen)) {
+                return Err(field.wrong(format!("has a meaning only with limits = {named}")));
+            }
+            if let Some(wrong) = wrong {
+                return Err(field.wrong(format!("is {value}; {wrong}")));
             }
         }
         Ok(())

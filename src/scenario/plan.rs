@@ -311,6 +311,10 @@ fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &GraspEntry) -
         limits: entry.limits.unwrap_or(Limits::Cones),
         relaxed: entry.relaxed(),
         axes: entry.axes(),
+        solref: entry.solref,
+        solimp: entry.solimp,
+        relaxed_solref: entry.relaxed_solref,
+        relaxed_solimp: entry.relaxed_solimp,
         ..GraspSpec::new(target, palm)
     })
 }

@@ -7,6 +7,7 @@ use mujoco_grasp::scenario::plan::Plan;
 
 use crate::output::{Output, complain, number, table};
 use crate::progress::Progress;
+use crate::run::LimitsArg;
 use crate::signals;
 
 /// `bench SCENARIO`
@@ -20,11 +21,14 @@ pub struct Args {
     /// Steps in one call, with controls held.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     substeps: u32,
+    /// Bounds every grasp in this way, whatever the scenario says.
+    #[arg(long, value_enum)]
+    limits: Option<LimitsArg>,
 }
 
 /// Times the holding phase.
 pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let mut plan = Plan::load(&args.scenario)?;
+    let mut plan = Plan::load_with(&args.scenario, args.limits.map(LimitsArg::limits))?;
     plan.stop = signals::stop();
     let progress = Progress::new(PARTS, "timing");
     let report = measure(&plan, args.steps as usize, args.substeps as usize, &|n| progress.advance(n));

@@ -20,7 +20,8 @@ pub(in crate::grasp) struct Fingers {
     place: Vec<Place>,
     joints: Vec<usize>,
     base: usize,
-    row: Vec<f64>,
+    /// Entries of one contact's rows, the nearest joint first.
+    chain: Vec<f64>,
     whitened: Vec<f64>,
 }
 
@@ -53,7 +54,7 @@ impl Fingers {
             base += 1;
             dof = usize::try_from(model.dof_parentid()[i]).ok();
         }
-        Fingers { place, joints, base, row: Vec::new(), whitened: Vec::new() }
+        Fingers { place, joints, base, chain: Vec::new(), whitened: Vec::new() }
     }
 
     /// Number of fingers.
@@ -66,9 +67,9 @@ impl Fingers {
         self.base
     }
 
-    /// The stacked rows of contacts `of` that touch one finger (`None`: the palm, which has no joints of its own):
-    /// `J M_ff^-1 J^T` over the finger's own joints into `mobility`, row-major, and the rows of `Y` for the base's joints
-    /// into `base`. Rows beyond a contact's condim stay zero.
+    /// The stacked rows of contacts `of` that touch one finger (`None`: the palm, which has no joints of its own), as many
+    /// of each as its condim: `J M_ff^-1 J^T` over the finger's own joints into `mobility`, row-major, and the rows of `Y`
+    /// for the base's joints into `base`.
     pub(in crate::grasp) fn mobility(
         &mut self,
         sim: &Simulation,
@@ -78,65 +79,75 @@ impl Fingers {
         mobility: &mut Vec<f64>,
         base: &mut Vec<f64>,
     ) {
-        let n = ROWS * of.len();
+        let n: usize = of.iter().map(|&i| condim(&contacts[i])).sum();
         let joints = finger.map_or(0, |finger| self.joints[finger]);
         self.whitened.clear();
-        self.whitened.resize(n * joints, 0.0);
+        self.whitened.resize(joints * n, 0.0);
         base.clear();
         base.resize(n * self.base, 0.0);
-        for (k, &i) in of.iter().enumerate() {
-            for row in 0..contacts[i].parameters.condim.min(ROWS) {
-                let at = ROWS * k + row;
-                let own = &mut self.whitened[at * joints..(at + 1) * joints];
-                let shared = &mut base[at * self.base..(at + 1) * self.base];
-                whiten(sim, topology, &contacts[i], row, &self.place, &mut self.row, own, shared);
+        let mut first = 0;
+        for &i in of {
+            let rows = condim(&contacts[i]);
+            // most contacts have three rows or four: a vector's worth
+            if rows <= 4 {
+                self.whiten::<4>(sim, topology, &contacts[i], (first, n), base);
+            } else {
+                self.whiten::<ROWS>(sim, topology, &contacts[i], (first, n), base);
             }
+            first += rows;
         }
         mobility.clear();
         mobility.resize(n * n, 0.0);
-        for i in 0..n {
-            let a = &self.whitened[i * joints..(i + 1) * joints];
-            for j in 0..=i {
-                let value = linalg::dot(a, &self.whitened[j * joints..(j + 1) * joints]);
-                mobility[i * n + j] = value;
-                mobility[j * n + i] = value;
+        for y in self.whitened.chunks_exact(n.max(1)) {
+            for (i, entry) in y.iter().enumerate() {
+                linalg::axpy(*entry, y, &mut mobility[i * n..(i + 1) * n]);
             }
         }
     }
+
+    /// The rows of `Y` of one contact, which has at most `N`, row `first` of `n` and those after it, into `whitened`
+    /// (joints x n) and `base`.
+    fn whiten<const N: usize>(
+        &mut self,
+        sim: &Simulation,
+        topology: &Topology,
+        contact: &GraspContact,
+        (first, n): (usize, usize),
+        base: &mut [f64],
+    ) {
+        let rows = condim(contact);
+        let point = reference_point(sim, contact.link);
+        let directions: [_; N] = std::array::from_fn(|row| direction(contact, row, &point));
+        self.chain.clear();
+        for_each_dof(sim, topology, contact.link, |dof| {
+            let axis = &sim.cdof()[6 * dof..6 * dof + 6];
+            self.chain.extend(directions.iter().map(|(turn, push)| power(axis, turn, push)));
+        });
+        let factor = sim.mass_factor();
+        let mut rest = self.chain.as_chunks_mut::<N>().0;
+        for_each_dof(sim, topology, contact.link, |dof| {
+            let Some((entries, ancestors)) = std::mem::take(&mut rest).split_first_mut() else { return };
+            for (ancestor, l) in ancestors.iter_mut().zip(factor.ancestors(dof)) {
+                for (a, entry) in ancestor.iter_mut().zip(&*entries) {
+                    *a -= l * entry;
+                }
+            }
+            rest = ancestors;
+            let scale = sim.qLDiagInv()[dof].sqrt();
+            for (row, entry) in entries[..rows].iter().enumerate() {
+                match self.place[dof] {
+                    Place::Finger(joint) => self.whitened[joint * n + first + row] = entry * scale,
+                    Place::Base(joint) => base[(first + row) * self.base + joint] = entry * scale,
+                    Place::Outside => {}
+                }
+            }
+        });
+    }
 }
 
-/// One row of `Y`, into the finger's own joints and those of the base.
-#[allow(clippy::too_many_arguments)]
-fn whiten(
-    sim: &Simulation,
-    topology: &Topology,
-    contact: &GraspContact,
-    row: usize,
-    place: &[Place],
-    chain: &mut Vec<f64>,
-    own: &mut [f64],
-    shared: &mut [f64],
-) {
-    let (turn, push) = direction(contact, row, &reference_point(sim, contact.link));
-    chain.clear();
-    for_each_dof(sim, topology, contact.link, |dof| {
-        chain.push(power(&sim.cdof()[6 * dof..], &turn, &push));
-    });
-    let factor = sim.mass_factor();
-    let mut k = 0;
-    for_each_dof(sim, topology, contact.link, |dof| {
-        let value = chain[k];
-        k += 1;
-        for (ancestor, l) in chain[k..].iter_mut().zip(factor.ancestors(dof)) {
-            *ancestor -= value * l;
-        }
-        let whitened = value * sim.qLDiagInv()[dof].sqrt();
-        match place[dof] {
-            Place::Finger(index) => own[index] = whitened,
-            Place::Base(index) => shared[index] = whitened,
-            Place::Outside => {}
-        }
-    });
+/// Number of a contact's rows.
+pub(in crate::grasp) fn condim(contact: &GraspContact) -> usize {
+    contact.parameters.condim.min(ROWS)
 }
 
 /// Direction of row `row` of a contact as a torque about `point` and a force, world axes.
@@ -172,13 +183,30 @@ pub(in crate::grasp) fn reference_point(sim: &Simulation, body: usize) -> Vector
 }
 
 /// Calls `f` with each degree of freedom that moves `body`, the nearest first.
-pub(in crate::grasp) fn for_each_dof(sim: &Simulation, topology: &Topology, body: usize, mut f: impl FnMut(usize)) {
+#[inline]
+pub(in crate::grasp) fn for_each_dof(sim: &Simulation, topology: &Topology, body: usize, f: impl FnMut(usize)) {
+    for_each_dof_below(sim, topology.leaf(body), None, f);
+}
+
+/// Calls `f` with degree of freedom `first` and those that carry it, up to but without `end`.
+#[inline]
+pub(in crate::grasp) fn for_each_dof_below(
+    sim: &Simulation,
+    first: Option<usize>,
+    end: Option<usize>,
+    mut f: impl FnMut(usize),
+) {
     let parent = sim.model().dof_parentid();
-    let mut dof = topology.leaf(body);
-    while let Some(i) = dof {
+    let mut dof = first;
+    while let Some(i) = dof.filter(|_| dof != end) {
         f(i);
         dof = usize::try_from(parent[i]).ok();
     }
+}
+
+/// Motion `[rotation; translation]` about the reference point of unit speed of a degree of freedom.
+pub(in crate::grasp) fn dof_motion(sim: &Simulation, dof: usize) -> Vector6<f64> {
+    Vector6::from_column_slice(&sim.cdof()[6 * dof..6 * dof + 6])
 }
 
 /// Motion `[rotation; translation]` of `body` about its reference point under generalised rates `rates`: `J rates`.

@@ -27,17 +27,21 @@ pub struct MergedHand {
     fingers: Vec<Finger>,
     /// Cholesky factors of the fingers' own `J M_ff^-1 J^T + R`, one after the other.
     factors: Vec<f64>,
+    /// Numbers of the rows that move with joints, finger by finger.
+    coupled: Vec<usize>,
     maps: Vec<Vector6<f64>>,
     resistances: Vec<f64>,
     /// Rows of `k G^T`, and of `k G^T K^-1` once finished.
     shares: Vec<Vector6<f64>>,
     base: Base,
     impedance: Matrix6<f64>,
-    column: Vec<f64>,
+    /// `k` of the finger of some right-hand sides, side by side.
+    columns: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Finger {
+    /// First of its coupled rows, and their number.
     first: usize,
     rows: usize,
     factor: usize,
@@ -47,12 +51,14 @@ struct Finger {
 #[derive(Clone, Debug, Default)]
 struct Base {
     joints: usize,
-    /// `B`, rows x joints.
+    /// `B`, coupled rows x joints.
     rows: Vec<f64>,
     /// `k B` of the fingers' own `k`.
     stiff: Vec<f64>,
     /// Cholesky factor of `I + B^T k B`.
     factor: Vec<f64>,
+    /// `(I + B^T k B)^-1 B^T k G^T`, joints x 6.
+    coupling: Vec<f64>,
     column: Vec<f64>,
 }
 
@@ -61,6 +67,7 @@ impl MergedHand {
     pub fn begin(&mut self, base_joints: usize) {
         self.fingers.clear();
         self.factors.clear();
+        self.coupled.clear();
         self.maps.clear();
         self.resistances.clear();
         self.shares.clear();
@@ -69,20 +76,28 @@ impl MergedHand {
         self.impedance = Matrix6::zeros();
     }
 
-    /// Adds a finger with `n` contact rows: its own `mobility` `J M_ff^-1 J^T` (n x n, row-major; 1/kg, 1/(kg m),
-    /// 1/(kg m^2)), its rows of `B` (n x base joints), each row's wrench of a unit force on the target, and each row's
-    /// resistance `R > 0`.
-    pub fn add_finger(&mut self, mobility: &[f64], base: &[f64], maps: &[Vector6<f64>], resistances: &[f64]) {
-        let n = maps.len();
-        let (first, factor) = (self.maps.len(), self.factors.len());
-        self.fingers.push(Finger { first, rows: n, factor });
+    /// Adds the rows of a finger's contacts: each row's wrench of a unit force on the target, and its resistance `R > 0`.
+    /// Of the rows `coupled`, which move with joints, the finger's own `mobility` `J M_ff^-1 J^T` (n x n, row-major; 1/kg,
+    /// 1/(kg m), 1/(kg m^2)) and the rows of `B` (n x base joints).
+    pub fn add_finger(
+        &mut self,
+        mobility: &[f64],
+        base: &[f64],
+        maps: &[Vector6<f64>],
+        resistances: &[f64],
+        coupled: impl Iterator<Item = usize>,
+    ) {
+        let (first, factor, row) = (self.coupled.len(), self.factors.len(), self.maps.len());
         self.maps.extend_from_slice(maps);
         self.resistances.extend_from_slice(resistances);
+        self.coupled.extend(coupled.map(|i| row + i));
+        let n = self.coupled.len() - first;
+        self.fingers.push(Finger { first, rows: n, factor });
         self.base.rows.extend_from_slice(base);
         self.factors.extend_from_slice(&mobility[..n * n]);
         let l = &mut self.factors[factor..];
-        for (i, r) in resistances.iter().enumerate() {
-            l[i * n + i] += r;
+        for (i, &row) in self.coupled[first..].iter().enumerate() {
+            l[i * n + i] += self.resistances[row];
         }
         linalg::cholesky(l, n);
     }
@@ -90,19 +105,10 @@ impl MergedHand {
     /// Forms `K^-1`; false if the contacts do not resist all six motions of the target.
     #[must_use]
     pub fn finish(&mut self) -> bool {
-        self.finish_base();
         self.shares.clear();
-        self.shares.resize(self.maps.len(), Vector6::zeros());
-        let mut column = std::mem::take(&mut self.column);
-        for axis in 0..6 {
-            column.clear();
-            column.extend(self.maps.iter().map(|g| g[axis]));
-            self.stiffen(&mut column);
-            for (share, &x) in self.shares.iter_mut().zip(&column) {
-                share[axis] = x;
-            }
-        }
-        self.column = column;
+        self.shares.extend(self.maps.iter().zip(&self.resistances).map(|(g, r)| g / *r));
+        self.stiffen_fingers();
+        self.stiffen_base();
         let impedance: Matrix6<f64> = self.maps.iter().zip(&self.shares).map(|(g, kg)| g * kg.transpose()).sum();
         self.impedance = (impedance + impedance.transpose()) * 0.5;
         let Some(factor) = self.impedance.cholesky() else { return false };
@@ -113,49 +119,77 @@ impl MergedHand {
         true
     }
 
-    fn finish_base(&mut self) {
-        let (p, rows) = (self.base.joints, self.maps.len());
-        let Base { rows: b, stiff, factor, column, .. } = &mut self.base;
-        stiff.clear();
-        stiff.resize(rows * p, 0.0);
-        for j in 0..p {
-            column.clear();
-            column.extend((0..rows).map(|i| b[i * p + j]));
-            solve_fingers(&self.fingers, &self.factors, column);
-            for (i, x) in column.iter().enumerate() {
-                stiff[i * p + j] = *x;
+    /// `k G^T` and `k B` with the palm held.
+    fn stiffen_fingers(&mut self) {
+        let p = self.base.joints;
+        let width = 6 + p;
+        self.base.stiff.clear();
+        for &Finger { first, rows, factor } in &self.fingers {
+            self.columns.clear();
+            for i in first..first + rows {
+                self.columns.extend_from_slice(self.maps[self.coupled[i]].as_slice());
+                self.columns.extend_from_slice(&self.base.rows[i * p..(i + 1) * p]);
+            }
+            solve_rows(&self.factors[factor..factor + rows * rows], rows, &mut self.columns, width);
+            for (line, &row) in self.columns.chunks_exact(width).zip(&self.coupled[first..]) {
+                self.shares[row].copy_from_slice(&line[..6]);
+                self.base.stiff.extend_from_slice(&line[6..]);
             }
         }
+    }
+
+    /// Lets the palm go: `k G^T` of all.
+    fn stiffen_base(&mut self) {
+        let p = self.base.joints;
+        if p == 0 {
+            return;
+        }
+        let Base { rows, stiff, factor, coupling, .. } = &mut self.base;
         factor.clear();
         factor.resize(p * p, 0.0);
+        coupling.clear();
+        coupling.resize(6 * p, 0.0);
         for j in 0..p {
             factor[j * p + j] = 1.0;
         }
-        for i in 0..rows {
-            for j in 0..p {
-                linalg::axpy(b[i * p + j], &stiff[i * p..(i + 1) * p], &mut factor[j * p..(j + 1) * p]);
+        for ((b, kb), &row) in rows.chunks_exact(p).zip(stiff.chunks_exact(p)).zip(&self.coupled) {
+            for (j, b) in b.iter().enumerate() {
+                linalg::axpy(*b, &kb[..=j], &mut factor[j * p..=j * p + j]);
+                linalg::axpy(*b, self.shares[row].as_slice(), &mut coupling[6 * j..6 * j + 6]);
             }
         }
         linalg::cholesky(factor, p);
+        solve_rows(factor, p, coupling, 6);
+        for (kb, &row) in stiff.chunks_exact(p).zip(&self.coupled) {
+            for (kb, coupling) in kb.iter().zip(coupling.chunks_exact(6)) {
+                linalg::axpy(-kb, coupling, self.shares[row].as_mut_slice());
+            }
+        }
     }
 
     /// `x <- k x`.
     fn stiffen(&mut self, x: &mut [f64]) {
         let p = self.base.joints;
-        let Base { stiff, factor, column, .. } = &mut self.base;
+        self.columns.clear();
+        self.columns.extend(self.coupled.iter().map(|&row| x[row]));
+        for &Finger { first, rows, factor } in &self.fingers {
+            let own = &mut self.columns[first..first + rows];
+            linalg::cholesky_backsolve(&self.factors[factor..factor + rows * rows], rows, own);
+        }
+        for (x, r) in x.iter_mut().zip(&self.resistances) {
+            *x /= r;
+        }
+        let Base { rows, factor, stiff, column, .. } = &mut self.base;
         column.clear();
         column.resize(p, 0.0);
         if p > 0 {
-            for (row, &x) in stiff.chunks_exact(p).zip(x.iter()) {
-                linalg::axpy(x, row, column);
+            for (b, kx) in rows.chunks_exact(p).zip(&self.columns) {
+                linalg::axpy(*kx, b, column);
             }
             linalg::cholesky_backsolve(factor, p, column);
         }
-        solve_fingers(&self.fingers, &self.factors, x);
-        if p > 0 {
-            for (row, x) in stiff.chunks_exact(p).zip(x.iter_mut()) {
-                *x -= linalg::dot(row, column);
-            }
+        for (i, (&row, kx)) in self.coupled.iter().zip(&self.columns).enumerate() {
+            x[row] = kx - linalg::dot(&stiff[i * p..(i + 1) * p], column);
         }
     }
 
@@ -202,177 +236,25 @@ impl MergedHand {
     }
 }
 
-/// `x <- k x`, each finger for itself.
-fn solve_fingers(fingers: &[Finger], factors: &[f64], x: &mut [f64]) {
-    for &Finger { first, rows, factor } in fingers {
-        linalg::cholesky_backsolve(&factors[factor..factor + rows * rows], rows, &mut x[first..first + rows]);
+/// Solves `L L' X = B` in place, `X` of n rows of `width` numbers.
+fn solve_rows(l: &[f64], n: usize, x: &mut [f64], width: usize) {
+    for i in 0..n {
+        let (known, own) = x.split_at_mut(i * width);
+        let own = &mut own[..width];
+        for (j, known) in known.chunks_exact(width).enumerate() {
+            linalg::axpy(-l[i * n + j], known, own);
+        }
+        own.iter_mut().for_each(|x| *x /= l[i * n + i]);
+    }
+    for i in (0..n).rev() {
+        let (others, own) = x.split_at_mut(i * width);
+        let own = &mut own[..width];
+        own.iter_mut().for_each(|x| *x /= l[i * n + i]);
+        for (j, other) in others.chunks_exact_mut(width).enumerate() {
+            linalg::axpy(-l[i * n + j], own, other);
+        }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::{Rotation3, Vector3};
-
-    /// Rows of a contact at `p` with axes `r`: three forces, three torques.
-    fn maps(p: &Vector3<f64>, r: &Rotation3<f64>) -> Vec<Vector6<f64>> {
-        (0..6)
-            .map(|i| {
-                let axis = r.matrix().column(i % 3).into_owned();
-                let (f, t) = if i < 3 { (axis, p.cross(&axis)) } else { (Vector3::zeros(), axis) };
-                Vector6::new(f.x, f.y, f.z, t.x, t.y, t.z)
-            })
-            .collect()
-    }
-
-    fn rotation(seed: f64) -> Rotation3<f64> {
-        Rotation3::from_euler_angles(seed.sin(), (2.0 * seed).cos(), 3.0 * seed)
-    }
-
-    /// HandInverseInertia `B B^T` of rank 2, as a finger of two joints has it.
-    fn mobility(seed: f64) -> Vec<f64> {
-        let b = |i: usize, j: usize| (seed + 1.7 * i as f64 + 0.9 * j as f64).sin();
-        (0..36).map(|e| b(e / 6, 0) * b(e % 6, 0) + b(e / 6, 1) * b(e % 6, 1)).collect()
-    }
-
-    /// Joints that carry the palm.
-    const BASE: usize = 2;
-
-    fn base(seed: f64) -> Vec<f64> {
-        (0..6 * BASE).map(|e| (2.1 * seed + e as f64).cos()).collect()
-    }
-
-    const RESISTANCE: [f64; 6] = [0.1, 0.02, 0.03, 0.4, 0.5, 0.6];
-
-    fn hand(turn: &Rotation3<f64>, order: &[usize]) -> MergedHand {
-        let mut merged = MergedHand::default();
-        merged.begin(BASE);
-        for &i in order {
-            let seed = i as f64;
-            let p = turn * Vector3::new(seed.cos(), seed.sin(), 0.3 * seed);
-            let r = turn * rotation(seed);
-            merged.add_finger(&mobility(seed), &base(seed), &maps(&p, &r), &RESISTANCE);
-        }
-        assert!(merged.finish());
-        merged
-    }
-
-    /// n equal springs `k` (no joints, so `k = 1/R`) on three sides of a sphere of radius `r`: K is known.
-    #[test]
-    fn impedance_of_springs_around_a_sphere_has_its_closed_form() {
-        let (k, r) = (40.0, 0.05);
-        let mut merged = MergedHand::default();
-        merged.begin(0);
-        for i in 0..6 {
-            let sign = if i < 3 { 1.0 } else { -1.0 };
-            let mut p = Vector3::zeros();
-            p[i % 3] = sign * r;
-            let rows = maps(&p, &Rotation3::identity());
-            merged.add_finger(&[0.0; 9], &[], &rows[..3], &[1.0 / k; 3]);
-        }
-        assert!(merged.finish());
-        // six isotropic springs: 6 k against translation; four of them at arm r against each rotation
-        let mut expected = Matrix6::zeros();
-        for i in 0..3 {
-            expected[(i, i)] = 6.0 * k;
-            expected[(i + 3, i + 3)] = 4.0 * k * r * r;
-        }
-        assert!((merged.impedance() - expected).amax() < 1e-12 * 6.0 * k);
-        // springs alone: all of the compliance is the contacts' own
-        let inverse = expected.try_inverse().unwrap();
-        assert!((merged.softness() - inverse).amax() < 1e-10 * inverse.amax());
-    }
-
-    #[test]
-    fn a_rigid_motion_of_all_effectors_is_the_merged_parts_own_without_internal_force() {
-        let mut merged = hand(&Rotation3::identity(), &[0, 1, 2, 3]);
-        let twist = Vector6::new(0.3, -0.2, 0.5, 1.1, 0.7, -0.4);
-        let rows: Vec<f64> = merged.maps.iter().map(|g| g.dot(&twist)).collect();
-        assert!((merged.merge(&rows) - twist).norm() < 1e-10);
-        let mut internal = Vec::new();
-        merged.internal(&rows, &mut internal);
-        assert!(linalg::norm(&internal) < 1e-9);
-    }
-
-    #[test]
-    fn shares_of_a_wrench_sum_to_it_and_the_internal_forces_to_nothing() {
-        let mut merged = hand(&Rotation3::identity(), &[0, 1, 2]);
-        let lambda = Vector6::new(1.0, 2.0, -0.5, 0.1, -0.3, 0.2);
-        let forces: Vec<f64> = (0..18).map(|i| merged.share(i).dot(&lambda)).collect();
-        assert!((merged.wrench(&forces) - lambda).norm() < 1e-10);
-        let d: Vec<f64> = (0..18).map(|i| (i as f64).cos()).collect();
-        let mut internal = Vec::new();
-        merged.internal(&d, &mut internal);
-        assert!(linalg::norm(&internal) > 0.1);
-        assert!(merged.wrench(&internal).norm() < 1e-9 * linalg::norm(&internal));
-    }
-
-    /// The forces solve the whole problem: `(J M^-1 J^T + R) f = u - G^T a` for all rows, balance on the target.
-    #[test]
-    fn internal_forces_and_shares_are_the_stick_solution_of_the_whole_grasp() {
-        let mut merged = hand(&Rotation3::identity(), &[0, 1, 2]);
-        let inertia = Matrix6::from_diagonal(&Vector6::new(0.2, 0.2, 0.2, 1e-3, 2e-3, 3e-3)) * 100.0;
-        let smooth = Vector6::new(0.0, 0.0, -9.81, 0.1, 0.0, 0.2);
-        let u: Vec<f64> = (0..18).map(|i| (1.3 * i as f64).sin()).collect();
-        // oracle: dense block elimination of [Mo, -G; G^T, W] [a; f] = [Mo a0; u]
-        let size = 6 + 18;
-        let mut a = nalgebra::DMatrix::<f64>::zeros(size, size);
-        let mut b = nalgebra::DVector::<f64>::zeros(size);
-        a.view_mut((0, 0), (6, 6)).copy_from(&inertia);
-        b.rows_mut(0, 6).copy_from(&(inertia * smooth));
-        for i in 0..18 {
-            for axis in 0..6 {
-                a[(axis, 6 + i)] = -merged.maps[i][axis];
-                a[(6 + i, axis)] = merged.maps[i][axis];
-            }
-            let w = mobility((i / 6) as f64);
-            for j in 0..6 {
-                a[(6 + i, 6 + 6 * (i / 6) + j)] += w[6 * (i % 6) + j];
-            }
-            a[(6 + i, 6 + i)] += RESISTANCE[i % 6];
-            b[6 + i] = u[i];
-            for j in 0..18 {
-                let rows = [i, j].map(|i| base((i / 6) as f64)[BASE * (i % 6)..][..BASE].to_vec());
-                a[(6 + i, 6 + j)] += linalg::dot(&rows[0], &rows[1]);
-            }
-        }
-        let oracle = a.lu().solve(&b).unwrap();
-        // lambda = K (ubar - a), Mo (a - a0) = lambda
-        let k = *merged.impedance();
-        let target = (inertia + k).lu().solve(&(inertia * smooth + k * merged.merge(&u))).unwrap();
-        let lambda = k * (merged.merge(&u) - target);
-        let mut internal = Vec::new();
-        merged.internal(&u, &mut internal);
-        for i in 0..18 {
-            let f = merged.share(i).dot(&lambda) - internal[i];
-            assert!((f - oracle[6 + i]).abs() < 1e-8, "{i}: {f} {}", oracle[6 + i]);
-        }
-        assert!((target - oracle.rows(0, 6)).norm() < 1e-9);
-    }
-
-    #[test]
-    fn turning_the_world_turns_the_merged_part_and_order_changes_nothing() {
-        let turn = rotation(0.77);
-        let (still, turned) = (hand(&Rotation3::identity(), &[0, 1, 2, 3]), hand(&turn, &[0, 1, 2, 3]));
-        let mut six = Matrix6::zeros();
-        six.fixed_view_mut::<3, 3>(0, 0).copy_from(turn.matrix());
-        six.fixed_view_mut::<3, 3>(3, 3).copy_from(turn.matrix());
-        let scale = still.impedance().amax();
-        assert!((six * still.impedance() * six.transpose() - turned.impedance()).amax() < 1e-12 * scale);
-        for row in 0..24 {
-            assert!((six * still.share(row) - turned.share(row)).norm() < 1e-9);
-        }
-        let reordered = hand(&Rotation3::identity(), &[2, 0, 3, 1]);
-        assert!((still.impedance() - reordered.impedance()).amax() < 1e-12 * scale);
-        assert!((still.share(12) - reordered.share(0)).norm() < 1e-9);
-    }
-
-    #[test]
-    fn contacts_that_leave_a_motion_free_have_no_inverse() {
-        let mut merged = MergedHand::default();
-        merged.begin(0);
-        let rows = maps(&Vector3::new(0.1, 0.0, 0.0), &Rotation3::identity());
-        merged.add_finger(&[0.0; 9], &[], &rows[..3], &[0.1; 3]);
-        assert!(!merged.finish(), "one hard contact holds three motions of six");
-    }
-}
+mod tests;

@@ -12,13 +12,15 @@ use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
-use crate::grasp::spec::Limits;
+use crate::grasp::spec::GraspSpec;
 use crate::grasp::weld::bilateral::{BilateralContact, SavedBilateral, normal_resistance};
 use crate::grasp::weld::bounds::Bounds;
 use crate::grasp::weld::impedance::{Fingers, ROWS, for_each_dof, link_motion, motion, relative_rows, row_wrench};
-use crate::grasp::weld::impedance::{power, reference_point};
+use crate::grasp::weld::impedance::{condim, dof_motion, for_each_dof_below, power, reference_point};
 use crate::grasp::weld::merged_hand::MergedHand;
 use crate::grasp::weld::rows::{WELD_ROWS, regularise};
+use crate::grasp::weld::six::{mean_distance, subtract, turn, turn_matrix};
+use crate::grasp::weld::soft_axes::{SoftAxes, SoftMemory};
 use crate::mujoco::{BodyId, CompiledModel, Simulation};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
@@ -35,6 +37,7 @@ const LEAST_LEVER: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub(in crate::grasp) struct MergedSolver {
     target: BodyId,
+    palm: BodyId,
     bounded: [bool; WELD_ROWS],
     axes: UnitQuaternion<f64>,
     fingers: Fingers,
@@ -54,6 +57,7 @@ pub(in crate::grasp) struct MergedSolver {
     /// Wrench across the grasp in the last step, on the target, in `frame`.
     wrench: Vector6<f64>,
     bounds: Bounds,
+    soft: SoftAxes,
     internal: Vec<f64>,
     scratch: Scratch,
 }
@@ -64,6 +68,7 @@ pub(in crate::grasp) struct MergedState {
     pub contacts: Vec<SavedBilateral>,
     pub wrench: Vector6<f64>,
     pub bounds: Bounds,
+    pub soft: SoftMemory,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -78,18 +83,14 @@ struct Scratch {
 }
 
 impl MergedSolver {
-    pub(in crate::grasp) fn new(
-        model: &CompiledModel,
-        topology: &Topology,
-        target: BodyId,
-        limits: Limits,
-        relaxed: [bool; WELD_ROWS],
-        axes: UnitQuaternion<f64>,
-    ) -> Self {
+    pub(in crate::grasp) fn new(model: &CompiledModel, topology: &Topology, spec: &GraspSpec) -> Self {
+        let weights = model.body_invweight0();
+        let of_both = |part: usize| weights[2 * spec.target.index() + part] + weights[2 * topology.palm() + part];
         MergedSolver {
-            target,
-            bounded: relaxed.map(|r| r && limits == Limits::Box),
-            axes,
+            target: spec.target,
+            palm: BodyId::from_index(topology.palm()),
+            bounded: spec.bounded(),
+            axes: spec.axes,
             fingers: Fingers::new(model, topology),
             merged: MergedHand::default(),
             order: Vec::new(),
@@ -101,6 +102,7 @@ impl MergedSolver {
             excess: Matrix6::zeros(),
             wrench: Vector6::zeros(),
             bounds: Bounds::default(),
+            soft: SoftAxes::new(spec.softness(), std::array::from_fn(|axis| of_both(axis / 3))),
             internal: Vec::new(),
             scratch: Scratch::default(),
         }
@@ -124,13 +126,14 @@ impl MergedSolver {
     /// What the next step remembers, into `out`.
     pub(in crate::grasp) fn save_into(&self, out: &mut MergedState) {
         out.contacts.clone_from(&self.memory);
-        (out.wrench, out.bounds) = (self.wrench, self.bounds);
+        (out.wrench, out.bounds, out.soft) = (self.wrench, self.bounds, self.soft.memory());
     }
 
     /// The next step remembers `state`.
     pub(in crate::grasp) fn restore(&mut self, state: &MergedState) {
         self.memory.clone_from(&state.contacts);
         (self.wrench, self.bounds) = (state.wrench, state.bounds);
+        self.soft.restore(state.soft);
         self.rows = None;
     }
 
@@ -162,6 +165,7 @@ impl MergedSolver {
             }
         }
         self.wrench = turn(&self.frame.transpose(), &wrench);
+        self.soft.begin(self.pose(sim), self.wrench, contacts);
         self.bounds = Bounds::of(contacts.iter().map(|c| c.loaded()));
     }
 
@@ -217,25 +221,26 @@ impl MergedSolver {
             self.fingers.mobility(sim, topology, finger, (contacts, group), mobility, base);
             maps.clear();
             resistances.clear();
-            let n = ROWS * group.len();
-            for (k, &i) in group.iter().enumerate() {
+            let n: usize = group.iter().map(|&i| condim(&contacts[i])).sum();
+            let mut at = 0;
+            for &i in &*group {
                 let c = &contacts[i];
                 let law = BilateralContact::of(c, options, &self.memory);
                 for row in 0..ROWS {
                     maps.push(row_wrench(c, row, &self.com));
-                    let at = ROWS * k + row;
                     let bodies = c.parameters.inverse_weight / if row < 3 { 1.0 } else { lever * lever };
-                    let scale = mobility[at * n + at].max(bodies);
                     resistances.push(match row {
                         0 => law.resistance,
-                        _ if row < c.parameters.condim => RESISTANCE * scale,
-                        _ => ABSENT * scale,
+                        _ if row < condim(c) => RESISTANCE * bodies.max(mobility[(at + row) * (n + 1)]),
+                        _ => ABSENT * bodies,
                     });
                 }
+                at += condim(c);
                 self.bilateral.push(law);
                 self.order.push(i);
             }
-            self.merged.add_finger(mobility, base, maps, resistances);
+            let coupled = group.iter().enumerate().flat_map(|(k, &i)| ROWS * k..ROWS * k + condim(&contacts[i]));
+            self.merged.add_finger(mobility, base, maps, resistances, coupled);
         }
     }
 
@@ -258,16 +263,16 @@ impl MergedSolver {
                 jacobian[(i + 3) * nv + dof] += angular[i];
             }
         });
+        // the joints that carry the palm move all links alike: one map for all of them
+        let (carrying, mut of_all) = (topology.leaf(topology.palm()), Matrix6::zeros());
         for (block, &i) in self.order.iter().enumerate() {
             let map = link_motion(sim, &contacts[i], |row| turn(&to_axes, self.merged.share(ROWS * block + row)));
-            for_each_dof(sim, topology, contacts[i].link, |dof| {
-                let axis = Vector6::from_column_slice(&sim.cdof()[6 * dof..6 * dof + 6]);
-                let merged = map * axis;
-                for row in 0..WELD_ROWS {
-                    jacobian[row * nv + dof] -= merged[row];
-                }
+            of_all += map;
+            for_each_dof_below(sim, topology.leaf(contacts[i].link), carrying, |dof| {
+                subtract(jacobian, nv, dof, &(map * dof_motion(sim, dof)));
             });
         }
+        for_each_dof_below(sim, carrying, None, |dof| subtract(jacobian, nv, dof, &(of_all * dof_motion(sim, dof))));
     }
 
     /// Once the smooth accelerations are known: sets the rows' references and bounds, and adds the internal force to the
@@ -280,19 +285,28 @@ impl MergedSolver {
         out: &mut [f64],
     ) -> Result<(), Error> {
         let Some(rows) = self.rows else { return Ok(()) };
+        let options = SolverOptions::of(sim.model());
         self.references(sim, topology, contacts);
         let bias = &mut self.scratch.bias;
         for (row, (x, f)) in bias.iter_mut().zip(&self.internal).enumerate() {
             *x += self.merged.resistance(row) * f;
         }
-        let reference = turn(&self.frame.transpose(), &self.merged.merge(bias)) + self.excess * self.wrench;
+        let mut reference = turn(&self.frame.transpose(), &self.merged.merge(bias)) + self.excess * self.wrench;
+        let [displacement, velocity] =
+            if self.soft.any() { self.motion_in_palm(sim, topology) } else { Default::default() };
         for (axis, &row) in rows.iter().enumerate() {
+            let bound = self.bounded[axis].then(|| self.bounds.axis(axis));
+            let motion = (displacement[axis], velocity[axis]);
+            if let Some((regularisation, soft)) = self.soft.row(axis, motion, bound, &options) {
+                sim.set_row_regularization(row, regularisation)?;
+                reference[axis] = soft;
+            }
             if !reference[axis].is_finite() {
                 return Err(Error::Diverged { time: sim.time(), what: "the reference of the merged effectors" });
             }
             sim.set_row_reference(row, reference[axis])?;
-            if self.bounded[axis] {
-                sim.set_row_friction_limit(row, self.bounds.axis(axis))?;
+            if let Some(bound) = bound {
+                sim.set_row_friction_limit(row, bound)?;
             }
         }
         for (block, &i) in self.order.iter().enumerate() {
@@ -359,27 +373,28 @@ impl MergedSolver {
         self.bounds = Bounds::of(contacts.iter().map(|c| c.loaded()));
     }
 
+    /// The target's centre of mass and orientation in the palm's frame.
+    fn pose(&self, sim: &Simulation) -> (Vector3<f64>, UnitQuaternion<f64>) {
+        let palm = sim.body_quaternion(self.palm).inverse();
+        (palm * (self.com - sim.body_position(self.palm)), palm * sim.body_quaternion(self.target))
+    }
+
+    /// Displacement of the target since the latch and velocity, against the palm, in the rows' axes.
+    fn motion_in_palm(&self, sim: &Simulation, topology: &Topology) -> [Vector6<f64>; 2] {
+        let at_com = |body: usize| {
+            let [rx, ry, rz, x, y, z] = motion(sim, topology, body, sim.qvel());
+            let (rotation, translation) = (Vector3::new(rx, ry, rz), Vector3::new(x, y, z));
+            let v = translation + rotation.cross(&(self.com - reference_point(sim, body)));
+            Vector6::new(v.x, v.y, v.z, rx, ry, rz)
+        };
+        let to_axes = self.frame.transpose();
+        let palm = sim.body_quaternion(self.palm).to_rotation_matrix().into_inner();
+        let velocity = at_com(self.target.index()) - at_com(self.palm.index());
+        [turn(&(to_axes * palm), &self.soft.displacement(self.pose(sim))), turn(&to_axes, &velocity)]
+    }
+
     fn place_frame(&mut self, sim: &Simulation) {
         self.com = sim.subtree_com_of(self.target);
         self.frame = (sim.body_quaternion(self.target) * self.axes).to_rotation_matrix().into_inner();
     }
-}
-
-fn mean_distance(contacts: &[GraspContact]) -> f64 {
-    let mean = 1.0 / contacts.len().max(1) as f64;
-    let centroid: Vector3<f64> = contacts.iter().map(|c| c.position * mean).sum();
-    contacts.iter().map(|c| (c.position - centroid).norm() * mean).sum()
-}
-
-/// Both halves of a six-vector turned.
-fn turn(rotation: &Matrix3<f64>, x: &Vector6<f64>) -> Vector6<f64> {
-    let (a, b) = (rotation * x.fixed_rows::<3>(0), rotation * x.fixed_rows::<3>(3));
-    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
-}
-
-fn turn_matrix(rotation: &Matrix3<f64>, x: &Matrix6<f64>) -> Matrix6<f64> {
-    let mut six = Matrix6::zeros();
-    six.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
-    six.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
-    six * x * six.transpose()
 }
