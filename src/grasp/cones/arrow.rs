@@ -89,8 +89,10 @@ pub struct Arrow {
     pivots: Vec<f64>,
     root_factor: RootMatrix,
     root_pivots: RootVector,
-    /// True if the Hessian is not that of `factor`.
-    stale: bool,
+    /// By branch: true if its part of the Hessian is not that of `factor` and `eliminated`.
+    stale: Vec<bool>,
+    /// What each branch adds to the root's Hessian once it is eliminated.
+    eliminated: Vec<RootMatrix>,
     /// Rows of one block times its cost's second derivative.
     stiff: Vec<f64>,
     /// One row.
@@ -123,7 +125,8 @@ impl Default for Arrow {
             pivots: Vec::new(),
             root_factor: [0.0; ROOT * ROOT],
             root_pivots: [0.0; ROOT],
-            stale: true,
+            stale: Vec::new(),
+            eliminated: Vec::new(),
             stiff: Vec::new(),
             row: Vec::new(),
         }
@@ -134,7 +137,7 @@ impl Arrow {
     /// Starts a new problem with `root` unknowns of palm and target, at most [`ROOT`].
     pub fn begin(&mut self, root: usize) {
         self.root = root.next_multiple_of(LANES).min(ROOT);
-        self.stale = true;
+        self.stale.clear();
         self.used = 0;
         self.coupling.fill(0.0);
         self.branches.clear();
@@ -176,6 +179,7 @@ impl Arrow {
         self.inertia_pivots.resize(branch.pivot + joints, 0.0);
         self.point.resize(branch.local + stride, 0.0);
         self.branches.push(branch);
+        self.stale.push(true);
     }
 
     /// The inertia of joint `joint` of the present branch: `N` of the root's unknowns and `M` of the branch's own.
@@ -289,7 +293,7 @@ impl Arrow {
             s.start = of_single(k, s.force);
         }
         self.absorb_start();
-        self.stale = true;
+        self.stale.fill(true);
     }
 
     /// Gives block `block` another cost, the active set in which it is expected, and forces at which the next solve starts.

@@ -158,7 +158,8 @@ mod tests {
             let of_grasps = |contact: &Contact| grasps.iter().any(|grasp| grasp.joins(contact.bodies));
             let appended: Vec<Contact> = sim.contacts().collect();
             assert!(appended.iter().all(|contact| contact.excluded == of_grasps(contact)), "{appended:?}");
-            let found: Vec<Contact> = appended.into_iter().map(|contact| Contact { excluded: false, ..contact }).collect();
+            let found: Vec<Contact> =
+                appended.into_iter().map(|contact| Contact { excluded: false, ..contact }).collect();
             sim.collision().unwrap();
             assert_eq!(found, sim.contacts().collect::<Vec<_>>());
             assert_eq!(found, detector.found());

@@ -188,46 +188,53 @@ impl Branch {
     /// Adds `sum row stiff'` of `D` rows.
     #[inline(always)]
     fn add_products<const D: usize>(&self, rows: &[f64], stiff: &[f64], root: &mut [f64], own: &mut [f64]) {
-        let stride = self.stride;
-        let (rows, stiff) = (&rows[..D * stride], &stiff[..D * stride]);
-        for i in 0..self.root {
+        let (stride, of_root) = (self.stride, self.root / LANES);
+        let (mut row, mut all, mut first): ([&[f64]; D], [&[Lanes]; D], [&[Lanes]; D]) = ([&[]; D], [&[]; D], [&[]; D]);
+        for k in 0..D {
+            row[k] = &rows[k * stride..(k + 1) * stride];
+            all[k] = stiff[k * stride..(k + 1) * stride].as_chunks().0;
+            first[k] = &all[k][..of_root];
+        }
+        let root = root[..self.root * self.root].as_chunks_mut().0;
+        for (i, out) in root.chunks_exact_mut(of_root).enumerate() {
             let mut scale = [0.0; D];
             for k in 0..D {
-                scale[k] = rows[k * stride + i];
+                scale[k] = row[k][i];
             }
-            self.add_rows(self.root, &scale, stiff, &mut root[i * self.root..(i + 1) * self.root]);
+            add_rows(&scale, &first, out);
         }
-        for j in 0..self.width {
+        let own = own[..self.width * stride].as_chunks_mut().0;
+        for (j, out) in own.chunks_exact_mut(stride / LANES).enumerate() {
             let mut scale = [0.0; D];
             let mut moved = false;
             for k in 0..D {
-                scale[k] = rows[k * stride + self.root + j];
+                scale[k] = row[k][self.root + j];
                 moved |= scale[k] != 0.0;
             }
             // a link knows nothing of the joints beyond it
             if moved {
-                self.add_rows(stride, &scale, stiff, &mut own[j * stride..(j + 1) * stride]);
+                add_rows(&scale, &all, out);
             }
         }
     }
+}
 
-    /// `out += sum scale_k rows_k` of the first `length` columns.
-    #[inline(always)]
-    fn add_rows<const D: usize>(&self, length: usize, scale: &[f64; D], rows: &[f64], out: &mut [f64]) {
-        let count = length / LANES;
-        let out = &mut out.as_chunks_mut::<LANES>().0[..count];
-        let mut row: [&[[f64; LANES]]; D] = [&[]; D];
+type Lanes = [f64; LANES];
+
+/// `out += sum scale_k rows_k`
+#[inline(always)]
+fn add_rows<const D: usize>(scale: &[f64; D], rows: &[&[Lanes]; D], out: &mut [Lanes]) {
+    let mut row: [&[Lanes]; D] = [&[]; D];
+    for k in 0..D {
+        row[k] = &rows[k][..out.len()];
+    }
+    for c in 0..out.len() {
+        let mut sum = out[c];
         for k in 0..D {
-            row[k] = &rows[k * self.stride..].as_chunks::<LANES>().0[..count];
-        }
-        for c in 0..count {
-            let mut sum = out[c];
-            for k in 0..D {
-                for lane in 0..LANES {
-                    sum[lane] += scale[k] * row[k][c][lane];
-                }
+            for lane in 0..LANES {
+                sum[lane] += scale[k] * row[k][c][lane];
             }
-            out[c] = sum;
         }
+        out[c] = sum;
     }
 }

@@ -74,6 +74,7 @@ impl Arrow {
             buffer.resize(local, 0.0);
         }
         self.factor.resize(square, 0.0);
+        self.eliminated.resize(self.eliminated.len().max(self.branches.len()), [0.0; ROOT * ROOT]);
         self.pivots.resize(self.inertia_pivots.len(), 0.0);
         let widest = self.branches.iter().map(|b| b.stride).max().unwrap_or(0);
         self.stiff.resize(self.stiff.len().max(MAX_ROWS * widest), 0.0);
@@ -151,9 +152,9 @@ impl Arrow {
                     return Status { iterations, converged: true };
                 }
             }
-            if self.stale {
+            if self.stale.contains(&true) {
                 self.run(Kernel::Factorize);
-                self.stale = false;
+                self.stale.fill(false);
             }
             self.run(Kernel::NewtonStep(&gradient, &mut step));
             if iterations > 0 {
@@ -262,7 +263,7 @@ impl Arrow {
             let active_set = b.response.active_set;
             b.cost.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], active_set, &mut b.response);
             b.store_force(&mut self.forces);
-            self.stale |= !active_set.is_affine();
+            self.stale[b.branch] |= !active_set.is_affine();
         }
         self.singles.iter_mut().for_each(Single::respond_in);
     }
@@ -270,19 +271,23 @@ impl Arrow {
     /// Evaluates every cost; returns the summed cost and whether all active sets are those of before and affine.
     fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
-        for b in &mut self.blocks[..self.used] {
-            let before = b.response.active_set;
-            b.cost.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
-            b.store_force(&mut self.forces);
-            affine &= b.response.active_set == before && before.is_affine();
-            cost += b.response.cost;
-        }
-        for s in &mut self.singles {
-            let (of_single, same) = s.respond();
-            cost += of_single;
+        for (branch, stale) in self.branches.iter().zip(&mut self.stale) {
+            let mut same = true;
+            for b in &mut self.blocks[branch.blocks.0..branch.blocks.1] {
+                let before = b.response.active_set;
+                b.cost.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
+                b.store_force(&mut self.forces);
+                same &= b.response.active_set == before && before.is_affine();
+                cost += b.response.cost;
+            }
+            for s in &mut self.singles[branch.singles.0..branch.singles.1] {
+                let (of_single, as_before) = s.respond();
+                cost += of_single;
+                same &= as_before;
+            }
+            *stale |= !same;
             affine &= same;
         }
-        self.stale |= !affine;
         (cost, affine)
     }
 
@@ -390,23 +395,29 @@ impl Arrow {
         }
     }
 
-    /// Assembles and factors the Hessian: inertia and `[Y X]' C [Y X]`.
+    /// Assembles and factors the Hessian, inertia and `[Y X]' C [Y X]`, where it is not that of before.
     #[inline(always)]
     fn factorize(&mut self) {
         let n = self.root;
         self.root_factor = self.root_inertia;
-        self.factor.copy_from_slice(&self.inertia);
-        for s in &self.singles {
-            self.factor[s.diagonal] += s.entry * s.entry * s.curvature();
-        }
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let own = &mut self.factor[branch.square..branch.square + branch.width * branch.stride];
-                for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
-                    branch.add_block(b, &self.matrix, &mut self.stiff, &mut self.root_factor, own);
+        for (k, branch) in self.branches.iter().copied().enumerate() {
+            let eliminated = &mut self.eliminated[k];
+            if self.stale[k] {
+                let own = branch.square..branch.square + branch.width * branch.stride;
+                self.factor[own.clone()].copy_from_slice(&self.inertia[own.clone()]);
+                for s in &self.singles[branch.singles.0..branch.singles.1] {
+                    self.factor[s.diagonal] += s.entry * s.entry * s.curvature();
                 }
-                branch.factorize(own, &mut self.pivots[branch.pivot..], &mut self.root_factor);
-            });
+                eliminated[..n * n].fill(0.0);
+                unrolled!(branch => {
+                    let own = &mut self.factor[own];
+                    for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
+                        branch.add_block(b, &self.matrix, &mut self.stiff, eliminated, own);
+                    }
+                    branch.factorize(own, &mut self.pivots[branch.pivot..], eliminated);
+                });
+            }
+            axpy_lanes(1.0, &eliminated[..n * n], &mut self.root_factor[..n * n]);
         }
         match n {
             8 => factorize_root(8, &mut self.root_factor, &mut self.root_pivots),
