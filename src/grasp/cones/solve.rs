@@ -22,9 +22,6 @@ use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg;
 
-/// How often friction is centred anew in a step at the most, see [`friction`].
-const MAX_RECENTRINGS: usize = 3;
-
 /// The solver and its memory from step to step (warm start).
 #[derive(Clone, Debug)]
 pub struct GraspSolver {
@@ -107,10 +104,7 @@ impl GraspSolver {
         let main = self.arrow.solve(&mut self.main);
         self.fix_normals(contacts, coupled);
         let mut noslip = self.arrow.solve(&mut self.noslip);
-        for _ in 0..MAX_RECENTRINGS {
-            if !self.recentre(coupled) {
-                break;
-            }
+        if self.recentre(coupled) {
             let again = self.arrow.solve(&mut self.noslip);
             noslip.iterations += again.iterations;
             noslip.converged &= again.converged;
