@@ -69,10 +69,10 @@ impl Cost {
 
     fn cells(&self) -> Vec<String> {
         let hand = &self.hand;
-        let sizes = [hand.fingers, hand.contacts_per_finger, hand.contacts(), hand.other_joints, hand.nv()];
+        let sizes = [hand.contacts(), hand.nv()].map(|size| size.to_string());
         let times = [self.full, self.cheapest, self.noslip, self.grasp, self.floor];
         let ratios = [self.full / self.grasp, self.cheapest / self.grasp, self.noslip / self.grasp];
-        let cells = sizes.iter().map(usize::to_string).chain(times.map(us)).chain(ratios.map(ratio));
+        let cells = [hand.name()].into_iter().chain(sizes).chain(times.map(us)).chain(ratios.map(ratio));
         cells.chain([ratio(self.grasp / self.floor)]).collect()
     }
 }
@@ -80,10 +80,8 @@ impl Cost {
 /// The costs as a table, times in microseconds.
 pub fn table(costs: &[Cost]) -> String {
     let head = [
-        "fingers",
-        "contacts each",
+        "hand",
         "contacts",
-        "other joints",
         "nv",
         "full",
         "full, cheapest",

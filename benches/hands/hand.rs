@@ -5,8 +5,9 @@
 //! hangs from, and more arms: what counts is how many there are and that they are coupled, as in a humanoid.
 //!
 //! # Where the numbers are from
-//! - **Fingers**: first finger of the Shadow Hand in MuJoCo Menagerie (`shadow_hand/right_hand.xml`): lengths, radius,
-//!   masses, damping, armature and the palm's mass; its joints' friction losses are left out, as each is one more row.
+//! - **Fingers**: first finger of the Shadow Hand in MuJoCo Menagerie (`shadow_hand/right_hand.xml`): axes, lengths, radius,
+//!   masses, damping, armature and the palm's mass. Its last joint is rigid, and the friction losses of the others are left
+//!   out, as each is one more row.
 //! - **Can**: a full drinks can of 330 ml, 66 mm across and 115 mm high, 350 g.
 //! - **Arm**: 0.63 m and 4.9 kg of seven links, about a man's (de Leva 1996: 5 % of 73 kg with the hand); trunk 32 kg.
 //! - **Chosen**: servos and damping of trunk and arms, which only hold their pose; 5 N of each finger, with which two hold
@@ -29,11 +30,14 @@ pub const FINGERS: RangeInclusive<usize> = 2..=10;
 pub const CONTACTS_PER_FINGER: RangeInclusive<usize> = 1..=16;
 /// Joints besides the fingers' and the can's six degrees of freedom.
 pub const OTHER_JOINTS: RangeInclusive<usize> = 20..=200;
-/// Joints of a finger.
-pub const JOINTS_PER_FINGER: usize = 3;
+/// Joints of a finger, and how far above the middle of its pads each bends it towards the can \[m\].
+const FINGER_JOINTS: [(&str, f64); 3] =
+    [("spread", 0.0), ("knuckle", PROXIMAL + MIDDLE + 0.5 * TIP), ("middle", MIDDLE + 0.5 * TIP)];
 
-/// Lengths \[m\] and masses \[kg\] of the phalanges.
-const PHALANGES: [(f64, f64); JOINTS_PER_FINGER] = [(0.045, 0.030), (0.025, 0.017), (0.026, 0.013)];
+/// Lengths of the phalanges \[m\]; the last two are one link.
+const PROXIMAL: f64 = 0.045;
+const MIDDLE: f64 = 0.025;
+const TIP: f64 = 0.026;
 const FINGER_RADIUS: f64 = 0.009;
 const CAN_RADIUS: f64 = 0.033;
 /// Radius of a pad \[m\], by which the phalanx keeps off the can.
@@ -85,7 +89,7 @@ impl Hand {
 
     /// Degrees of freedom, the can's among them.
     pub fn nv(&self) -> usize {
-        self.fingers * JOINTS_PER_FINGER + self.other_joints + 6
+        self.fingers * FINGER_JOINTS.len() + self.other_joints + 6
     }
 
     /// As the scenario is called: fingers, contacts of each, other joints.
@@ -119,8 +123,8 @@ impl Hand {
     pub fn scenario(&self) -> String {
         let name = self.name();
         let targets: Vec<String> = (0..self.fingers)
-            .flat_map(|finger| (0..JOINTS_PER_FINGER).map(move |joint| (finger, joint)))
-            .map(|(finger, joint)| format!("f{finger}_{joint} = {:.4}", PRESS * lever(joint) / FINGER_KP))
+            .flat_map(|finger| FINGER_JOINTS.map(|(joint, lever)| (finger, joint, lever)))
+            .map(|(finger, joint, lever)| format!("f{finger}_{joint} = {:.4}", PRESS * lever / FINGER_KP))
             .collect();
         format!(
             r#"name = "{name}"
@@ -147,7 +151,7 @@ set = {{ {} }}
     pub fn mjcf(&self) -> String {
         let Self { fingers, contacts_per_finger, .. } = self;
         let (trunk, actuators) = (self.trunk(), self.actuators());
-        let can_height = 1.5 - ARM_JOINTS as f64 * ARM_LINK - lever(0);
+        let can_height = 1.5 - ARM_JOINTS as f64 * ARM_LINK - FINGER_JOINTS[1].1;
         format!(
             r#"<!-- {fingers} fingers hold a can with {contacts_per_finger} contacts each. Made by benches/hands/hand.rs. -->
 <mujoco model="{name}">
@@ -236,20 +240,19 @@ set = {{ {} }}
             (0.5 * angle).cos(),
             (0.5 * angle).sin()
         );
-        (0..JOINTS_PER_FINGER).rev().fold(self.pads(out), |inside, joint| {
-            let (length, mass) = PHALANGES[joint];
-            let at = match joint {
-                0 => base.clone(),
-                _ => format!(r#"pos="0 0 {}""#, -PHALANGES[joint - 1].0),
-            };
-            format!(
-                r#"<body name="f{finger}_{joint}" {at}><joint name="f{finger}_{joint}" class="finger"/>
-<geom type="capsule" size="{FINGER_RADIUS}" fromto="0 0 0 0 0 {}" mass="{mass}"/>
-{inside}</body>
+        format!(
+            r#"<body name="f{finger}_proximal" {base}>
+<joint name="f{finger}_spread" class="finger" axis="1 0 0" range="-0.35 0.35"/><joint name="f{finger}_knuckle" class="finger"/>
+<geom type="capsule" size="{FINGER_RADIUS}" fromto="0 0 0 0 0 {}" mass="0.030"/>
+<body name="f{finger}_tip" pos="0 0 {}"><joint name="f{finger}_middle" class="finger"/>
+<geom type="capsule" size="{FINGER_RADIUS}" fromto="0 0 0 0 0 {}" mass="0.030"/>
+{}</body></body>
 "#,
-                -length
-            )
-        })
+            -PROXIMAL,
+            -PROXIMAL,
+            -(MIDDLE + TIP),
+            self.pads(out)
+        )
     }
 
     /// Pads of the last phalanx, whose axis is `out` from the can's: on the can's surface, in a ring about its middle.
@@ -260,7 +263,7 @@ set = {{ {} }}
         for pad in 0..self.contacts_per_finger {
             let angle = TAU * pad as f64 / self.contacts_per_finger as f64;
             let (up, round) = (ring * angle.cos(), ring * angle.sin() / CAN_RADIUS);
-            let (x, y, z) = (reach * round.cos() - out, reach * round.sin(), up - 0.5 * PHALANGES[2].0);
+            let (x, y, z) = (reach * round.cos() - out, reach * round.sin(), up - FINGER_JOINTS[2].1);
             let _ = writeln!(pads, r#"<geom size="{PAD}" pos="{x:.6} {y:.6} {z:.6}" mass="0"/>"#);
         }
         pads
@@ -275,16 +278,10 @@ set = {{ {} }}
             all.extend((0..joints).map(|joint| servo("arm", format!("arm{arm}_{joint}"))));
         }
         for finger in 0..self.fingers {
-            all.extend((0..JOINTS_PER_FINGER).map(|joint| servo("finger", format!("f{finger}_{joint}"))));
+            all.extend(FINGER_JOINTS.map(|(joint, _)| servo("finger", format!("f{finger}_{joint}"))));
         }
         all
     }
-}
-
-/// From a joint of a finger to the middle of its pads \[m\].
-fn lever(joint: usize) -> f64 {
-    let above_last: f64 = PHALANGES[joint..JOINTS_PER_FINGER - 1].iter().map(|(length, _)| length).sum();
-    above_last + 0.5 * PHALANGES[JOINTS_PER_FINGER - 1].0
 }
 
 /// Links that hang one below the other, with `end` at the last.

@@ -7,10 +7,10 @@
 
 use std::time::Instant;
 
-use anyhow::{Context, ensure};
-use mujoco_grasp::grasp::{Grasp, GraspId, Grasps, Phase};
+use anyhow::Context;
+use mujoco_grasp::grasp::{GraspId, Grasps, Phase};
 use mujoco_grasp::mujoco::{BodyId, Simulation, State};
-use mujoco_grasp::scenario::outcome::median;
+use mujoco_grasp::scenario::outcome::{LOSS_DISTANCE, median};
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 use nalgebra::Vector3;
@@ -27,8 +27,10 @@ const SAMPLE: f64 = 0.008;
 const FINE: f64 = 0.0005;
 /// Of the reference that the noslip pass keeps from creeping.
 const CONVERGED: usize = 100;
+/// The full solve that creeps less.
+const NOSLIP: Solve = Solve::Noslip(10);
 /// Every variant runs so often, in turns.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 6;
 
 /// How contacts are solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,6 +59,8 @@ struct Variant {
     timestep: f64,
     /// Of the last run, at multiples of [`SAMPLE`] \[m\].
     motion: Vec<Vector3<f64>>,
+    /// Steps of the last run after which the grasp was not latched.
+    unlatched: usize,
     /// Of all runs.
     step_ns: Vec<f64>,
 }
@@ -73,18 +77,20 @@ struct Scene<'a> {
 /// The table of one scene, pushed by `force` \[N\].
 ///
 /// # Errors
-/// A simulation that fails, or a grasp that is not latched from the push on.
+/// A simulation that fails.
 pub fn table(plan: &Plan, force: Vector3<f64>) -> anyhow::Result<String> {
     let mut held = Runner::new(plan, Mode::Grasp, None)?;
     held.advance_to(plan.timeline.measure_from())?;
     let (sim, grasps) = held.into_parts();
     let scene = Scene { plan, state: sim.save(), sim, grasps, force };
-    let variant = |solve, timestep| Variant { solve, timestep, motion: Vec::new(), step_ns: Vec::new() };
+    let variant = |solve, timestep| Variant { solve, timestep, motion: Vec::new(), unlatched: 0, step_ns: Vec::new() };
     let mut converged = variant(Solve::Noslip(CONVERGED), FINE);
     scene.run(&mut converged)?;
-    let mut variants = vec![variant(Solve::Full, FINE), variant(Solve::Full, 0.001)];
-    for solve in [Solve::Full, Solve::Noslip(10), Solve::Grasp] {
-        variants.extend([0.002, 0.004, 0.008].map(|timestep| variant(solve, timestep)));
+    let mut variants = vec![variant(Solve::Full, FINE)];
+    for solve in [Solve::Full, NOSLIP, Solve::Grasp] {
+        // the finest of the grasp has no place in a table of larger steps, those of full make the curves longer
+        let finest = (solve != Solve::Grasp).then_some(0.001);
+        variants.extend(finest.into_iter().chain([0.002, 0.004, 0.008]).map(|timestep| variant(solve, timestep)));
     }
     let n = variants.len();
     for round in 0..ROUNDS {
@@ -97,11 +103,11 @@ pub fn table(plan: &Plan, force: Vector3<f64>) -> anyhow::Result<String> {
     let head = [
         "solve",
         "step [ms]",
-        "error [um]",
-        "error, converged [um]",
-        "cost of 1 s [ms]",
-        "full at this error / this",
-        "the same, converged",
+        "from full [um]",
+        "from converged [um]",
+        "1 s costs [ms]",
+        "full as near full / this",
+        "noslip 10 as near converged / this",
     ];
     let title = format!("{}: the push moves the target by {:.2} mm.\n\n", plan.name, 1e3 * peak);
     Ok(title + &markdown(&head, rows.into_iter()))
@@ -115,20 +121,19 @@ fn rows(variants: &[Variant], converged: &Variant) -> anyhow::Result<Vec<Vec<Str
         .map(|v| Ok((references.map(|r| rms_difference(&v.motion, r)), v.cost_of_a_second()?)))
         .collect::<anyhow::Result<Vec<_>>>()?;
     // against itself the reference has no error, and no place on the curve
-    let full = |reference: usize| -> Vec<(f64, f64)> {
-        let of_full = variants.iter().zip(&measured).filter(|(v, _)| v.solve == Solve::Full);
-        of_full.map(|(_, (errors, cost))| (errors[reference], *cost)).filter(|(error, _)| *error > 0.0).collect()
+    let curve = |solve: Solve, reference: usize| -> Vec<(f64, f64)> {
+        let of_solve = variants.iter().zip(&measured).filter(|(v, _)| v.solve == solve && !v.is_lost());
+        of_solve.map(|(_, (errors, cost))| (errors[reference], *cost)).filter(|(error, _)| *error > 0.0).collect()
     };
-    let curves = [full(0), full(1)];
+    let curves = [curve(Solve::Full, 0), curve(NOSLIP, 1)];
     let row = |(variant, (errors, cost)): (&Variant, &([f64; 2], f64))| {
-        let mut cells = vec![variant.solve.name(), format!("{}", 1e3 * variant.timestep)];
-        cells.extend(errors.map(|error| format!("{:.1}", 1e6 * error)));
+        let mut cells = vec![variant.name(), format!("{}", 1e3 * variant.timestep)];
+        cells.extend(errors.map(|error| if variant.is_lost() { "lost".into() } else { format!("{:.1}", 1e6 * error) }));
         cells.push(format!("{cost:.1}"));
         for (curve, error) in curves.iter().zip(errors) {
-            cells.push(match variant.solve {
-                Solve::Full => "-".into(),
-                _ => cost_at(curve, *error).map_or("-".into(), |full| full.over(*cost)),
-            });
+            let comparable = variant.solve == Solve::Grasp && !variant.is_lost();
+            let full = if comparable { cost_at(curve, *error) } else { None };
+            cells.push(full.map_or("-".into(), |full| full.over(*cost)));
         }
         cells
     };
@@ -136,6 +141,17 @@ fn rows(variants: &[Variant], converged: &Variant) -> anyhow::Result<Vec<Vec<Str
 }
 
 impl Variant {
+    fn name(&self) -> String {
+        match self.unlatched {
+            0 => self.solve.name(),
+            steps => format!("{}, {steps} steps unlatched", self.solve.name()),
+        }
+    }
+
+    fn is_lost(&self) -> bool {
+        self.motion.last().is_none_or(|offset| offset.norm() >= LOSS_DISTANCE)
+    }
+
     /// Of wall clock for a second of simulation \[ms\].
     fn cost_of_a_second(&self) -> anyhow::Result<f64> {
         Ok(median(self.step_ns.clone()).context("nothing was timed")? * 1e-6 / self.timestep)
@@ -161,6 +177,7 @@ impl Scene<'_> {
             grasps.step(&mut sim)?;
         }
         variant.motion.clear();
+        variant.unlatched = 0;
         let mut start = None;
         let sampled = (SAMPLE / variant.timestep).round() as usize;
         for step in 0..(2.0 * PUSH / variant.timestep).round() as usize {
@@ -168,8 +185,7 @@ impl Scene<'_> {
             let clock = Instant::now();
             grasps.step(&mut sim)?;
             variant.step_ns.push(clock.elapsed().as_nanos() as f64);
-            let latched = grasps.iter().all(|grasp: &Grasp| grasp.phase() == Phase::Grasped);
-            ensure!(latched, "{}: not latched in step {step} of {} s", self.plan.name, variant.timestep);
+            variant.unlatched += usize::from(grasps.iter().any(|grasp| grasp.phase() != Phase::Grasped));
             if step % sampled == 0 {
                 // poses are those that the step started from
                 let now = in_palm(&sim, target, palm);
