@@ -1,7 +1,8 @@
 //! Plots, scatter plots and tables: what they must contain, and what they make of incomplete numbers.
 
 use mujoco_grasp::report::{
-    BenchRow, BenchTable, Mark, MotionPlot, PointSet, Push, ReportError, Scatter, Threshold, Timing, Trace,
+    BenchRow, BenchTable, Curve, Curves, Mark, MotionPlot, PointSet, Push, ReportError, Scatter, Threshold, Timing,
+    Trace,
 };
 
 fn trace(label: &str, n: usize) -> Trace {
@@ -301,4 +302,41 @@ fn impossible_times_are_named() {
     let mut table = bench();
     table.rows[0].floor.step_us = 0.0;
     assert!(table.svg().expect_err("no time").to_string().contains("step_us"));
+}
+
+fn curves(points: Vec<(f64, f64)>, y_limit: Option<f64>) -> Curves {
+    Curves {
+        title: "cost".to_owned(),
+        x_label: "contacts".to_owned(),
+        y_label: "time [us]".to_owned(),
+        curves: vec![Curve { label: "grasp".to_owned(), points }],
+        y_limit,
+    }
+}
+
+#[test]
+fn curves_start_at_zero_and_end_at_the_cut() {
+    let points = vec![(10.0, 20.0), (20.0, 40.0), (40.0, 80.0)];
+    let whole = curves(points.clone(), None).svg().expect("curves");
+    let line = &polylines(&whole, GRASP)[0];
+    let [a, b, c] = line[..] else { panic!("{line:?}") };
+    // all on one line through the origin: steps of x and y are in proportion
+    assert!(
+        ((c.1 - b.1) - 2.0 * (b.1 - a.1)).abs() <= 2.0 && ((c.0 - b.0) - 2.0 * (b.0 - a.0)).abs() <= 2.0,
+        "{line:?}"
+    );
+    for label in ["contacts", "time [us]", "grasp", "cost"] {
+        assert!(texts(&whole).iter().any(|t| t == label), "{label}");
+    }
+    let cut = curves(points, Some(60.0)).svg().expect("curves");
+    let dots = |svg: &str| svg.split("<circle").count() - 1;
+    assert_eq!((dots(&whole), dots(&cut)), (3, 2), "the point above the cut is left out");
+}
+
+#[test]
+fn curves_that_cannot_be_drawn_are_refused() {
+    assert!(matches!(curves(Vec::new(), None).svg(), Err(ReportError::Empty { .. })));
+    for (points, limit) in [(vec![(1.0, -1.0)], None), (vec![(f64::NAN, 1.0)], None), (vec![(1.0, 1.0)], Some(0.0))] {
+        assert!(matches!(curves(points, limit).svg(), Err(ReportError::BadNumber { .. })), "{limit:?}");
+    }
 }

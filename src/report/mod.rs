@@ -9,10 +9,12 @@
 //! | [`Strip`] | rendered frames, a row for each mode, a column for each time |
 //! | [`BenchTable`] | what a step costs, the thesis's Table 5.1 beside ours, as text and as bars |
 //! | [`Scatter`] | a quantity in grasp mode against the same in full mode |
+//! | [`Curves`] | costs against the size of a model |
 
 #![forbid(unsafe_code)]
 
 mod canvas;
+mod curves;
 mod error;
 mod legend;
 mod panel;
@@ -23,6 +25,7 @@ mod strip;
 mod table;
 mod trace;
 
+pub use curves::{Curve, Curves};
 pub use error::ReportError;
 pub use plot::MotionPlot;
 pub use scatter::{PointSet, Scatter};
