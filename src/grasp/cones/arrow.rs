@@ -13,6 +13,7 @@
 //! what is left are the root's unknowns however many fingers and contacts there are.
 
 mod branch;
+mod kernels;
 mod newton;
 mod single;
 

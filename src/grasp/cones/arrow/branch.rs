@@ -189,7 +189,9 @@ impl Branch {
     #[inline(always)]
     fn add_products<const D: usize>(&self, rows: &[f64], stiff: &[f64], root: &mut [f64], own: &mut [f64]) {
         let (stride, of_root) = (self.stride, self.root / LANES);
-        let (mut row, mut all, mut first): ([&[f64]; D], [&[Lanes]; D], [&[Lanes]; D]) = ([&[]; D], [&[]; D], [&[]; D]);
+        let mut row: [&[f64]; D] = [&[]; D];
+        let mut all: [&[Lanes]; D] = [&[]; D];
+        let mut first: [&[Lanes]; D] = [&[]; D];
         for k in 0..D {
             row[k] = &rows[k * stride..(k + 1) * stride];
             all[k] = stiff[k * stride..(k + 1) * stride].as_chunks().0;

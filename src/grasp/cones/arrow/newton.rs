@@ -1,11 +1,11 @@
 //! Newton's method with a line search on an [`Arrow`], its branches eliminated one by one.
 
-use super::branch::{Branch, unrolled};
+use super::branch::Branch;
+use super::kernels::Kernel;
 use super::single::Single;
 use super::{Arrow, ROOT, RootVector, Status};
 use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
-use pulp::{Arch, Simd, WithSimd};
 
 /// Gradient norm, relative to that of the inertial forces and in the metric of the inverse inertia, below which a point counts
 /// as the minimum.
@@ -18,47 +18,6 @@ const MAX_ITERATIONS: usize = 1000;
 const ARMIJO: f64 = 1e-4;
 /// Halvings of the Newton step before the line search gives up.
 const MAX_HALVINGS: usize = 40;
-
-/// What is compiled for each kind of processor, with the widest vectors that it has. No operation is contracted or reordered
-/// for it: the result is the same on every processor. (Closures would not do: the compiler may call them instead of inlining
-/// them, and then they are compiled for the least of them.)
-struct Vectorized<'a> {
-    arrow: &'a mut Arrow,
-    kernel: Kernel<'a>,
-}
-
-enum Kernel<'a> {
-    FactorizeInertia(Branch),
-    AbsorbStart,
-    /// [`Arrow::start`], of the root in the first.
-    Start(&'a RootVector),
-    /// [`Arrow::momentum`], from the first into the second, and the cost into the third.
-    Momentum(&'a RootVector, &'a mut RootVector, &'a mut f64),
-    SubtractForces(&'a mut RootVector),
-    Factorize,
-    /// [`Arrow::newton_step`], from the first into the second.
-    NewtonStep(&'a RootVector, &'a mut RootVector),
-}
-
-impl WithSimd for Vectorized<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        match self.kernel {
-            Kernel::FactorizeInertia(branch) => self.arrow.factor_inertia(branch),
-            Kernel::AbsorbStart => {
-                self.arrow.absorb();
-                self.arrow.mobilities();
-            }
-            Kernel::Start(z) => self.arrow.start(z),
-            Kernel::Momentum(z, root, cost) => self.arrow.momentum(z, root, cost),
-            Kernel::SubtractForces(root) => self.arrow.subtract_forces(root),
-            Kernel::Factorize => self.arrow.factorize(),
-            Kernel::NewtonStep(gradient, step) => self.arrow.newton_step(gradient, step),
-        }
-    }
-}
 
 impl Arrow {
     /// Minimises from the start `z` and leaves the solution there.
@@ -82,115 +41,76 @@ impl Arrow {
         self.minimise(z)
     }
 
-    /// Factors the inertia of a branch.
-    pub(super) fn factorize_inertia(&mut self, branch: Branch) {
-        self.run(Kernel::FactorizeInertia(branch));
-    }
-
-    /// Makes a part of the bias of what the starting forces move, and finds how easily rows move.
-    pub(super) fn absorb_start(&mut self) {
-        self.run(Kernel::AbsorbStart);
-    }
-
-    #[inline(always)]
-    fn factor_inertia(&mut self, branch: Branch) {
-        let factor = &mut self.inertia_factor[branch.square..];
-        let pivots = &mut self.inertia_pivots[branch.pivot..];
-        unrolled!(branch => branch.factorize(factor, pivots, &mut self.coupling));
-    }
-
-    #[inline(always)]
-    fn absorb(&mut self) {
-        let z = self.explain_start();
-        self.set_root(&z);
-        for branch in self.branches.iter().copied() {
-            let bias = &mut self.bias[branch.row0..];
-            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| bias[i] += moved));
-        }
-        for s in &mut self.singles {
-            s.bias += s.entry * self.point[s.at];
-        }
-    }
-
-    /// The mobility of one row of each block and of each single.
-    #[inline(always)]
-    fn mobilities(&mut self) {
-        let Arrow { branches, blocks, singles, matrix, inertia_factor, inertia_pivots, row, .. } = self;
-        for branch in branches.iter().copied() {
-            unrolled!(branch => {
-                let row = &mut row[..branch.stride];
-                for b in &mut blocks[branch.blocks.0..branch.blocks.1] {
-                    row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + b.rows.min(2) - 1));
-                    b.mobility = branch.mobility(inertia_factor, inertia_pivots, row);
-                }
-                for s in &mut singles[branch.singles.0..branch.singles.1] {
-                    row.fill(0.0);
-                    row[s.at - branch.local] = s.entry;
-                    s.mobility = branch.mobility(inertia_factor, inertia_pivots, row);
-                }
-            });
-        }
-    }
-
-    fn run(&mut self, kernel: Kernel<'_>) {
-        Arch::new().dispatch(Vectorized { arrow: self, kernel });
-    }
-
+    /// Minimises, all buffers being large enough.
     fn minimise(&mut self, z: &mut RootVector) -> Status {
         self.hold_joints();
         self.run(Kernel::Start(z));
         self.expect();
-        let (mut gradient, mut step, mut inertial) = ([0.0; ROOT], [0.0; ROOT], 0.0);
-        let (mut size, mut cost, mut decrease) = (f64::INFINITY, f64::INFINITY, 0.0);
-        self.run(Kernel::Momentum(z, &mut gradient, &mut inertial));
-        for iterations in 0..MAX_ITERATIONS {
+        let (mut gradient, _) = self.inertial_forces(z);
+        self.run(Kernel::SubtractForces(&mut gradient));
+        let mut step = self.newton_step(&gradient);
+        self.advance(1.0, &step, z);
+        let (costs, affine) = self.respond();
+        if affine {
+            return Status { iterations: 1, converged: true };
+        }
+        // Newton with a line search
+        let mut inertial;
+        (gradient, inertial) = self.inertial_forces(z);
+        let mut cost = costs + inertial;
+        for iterations in 1..MAX_ITERATIONS {
             self.run(Kernel::SubtractForces(&mut gradient));
-            // the first step is taken whatever the gradient: it is that of the expected active sets
-            if iterations > 0 {
-                size = self.gradient_norm(&gradient);
-                if size <= TOLERANCE * (2.0 * inertial).sqrt().max(f64::MIN_POSITIVE) {
-                    return Status { iterations, converged: true };
-                }
+            let size = self.gradient_norm(&gradient);
+            if size <= TOLERANCE * (2.0 * inertial).sqrt().max(f64::MIN_POSITIVE) {
+                return Status { iterations, converged: true };
             }
-            if self.stale.contains(&true) {
-                self.run(Kernel::Factorize);
-                self.stale.fill(false);
-            }
-            self.run(Kernel::NewtonStep(&gradient, &mut step));
-            if iterations > 0 {
-                decrease = self.along_step(&gradient, &step);
-            }
+            step = self.newton_step(&gradient);
+            let decrease = self.along_step(&gradient, &step);
             let slack = 1e-14 * cost.abs();
             let mut length = 1.0;
+            let mut accepted = None;
             self.advance(length, &step, z);
-            let mut halvings = 0;
-            loop {
+            for _ in 0..MAX_HALVINGS {
                 let (costs, affine) = self.respond();
-                if affine && iterations == 0 {
-                    return Status { iterations: 1, converged: true };
-                }
-                self.run(Kernel::Momentum(z, &mut gradient, &mut inertial));
+                (gradient, inertial) = self.inertial_forces(z);
                 let trial = costs + inertial;
-                // nothing is known of the cost before the first step
-                if iterations == 0 || trial <= cost + ARMIJO * length * decrease + slack {
-                    cost = trial;
-                    if affine && length == 1.0 {
-                        return Status { iterations: iterations + 1, converged: true };
-                    }
+                if trial <= cost + ARMIJO * length * decrease + slack {
+                    accepted = Some((trial, affine && length == 1.0));
                     break;
                 }
-                halvings += 1;
                 length *= 0.5;
                 self.advance(-length, &step, z);
-                if halvings == MAX_HALVINGS {
-                    // no descent left at this precision
-                    self.advance(-length, &step, z);
-                    self.respond();
-                    return Status { iterations, converged: size <= TOLERANCE * (2.0 * inertial).sqrt() };
-                }
+            }
+            let Some((trial, exact)) = accepted else {
+                // no descent left at this precision
+                self.advance(-length, &step, z);
+                self.respond();
+                return Status { iterations, converged: size <= TOLERANCE * (2.0 * inertial).sqrt() };
+            };
+            cost = trial;
+            if exact {
+                return Status { iterations: iterations + 1, converged: true };
             }
         }
         Status { iterations: MAX_ITERATIONS, converged: false }
+    }
+
+    /// Inertial forces of the point, the root's returned and the branches' in `gradient`; and their cost.
+    fn inertial_forces(&mut self, z: &RootVector) -> (RootVector, f64) {
+        let (mut root, mut cost) = ([0.0; ROOT], 0.0);
+        self.run(Kernel::Momentum(z, &mut root, &mut cost));
+        (root, cost)
+    }
+
+    /// The root's part of Newton's step; the branches' are in `step`, and what they change of the residuals in `slope`.
+    fn newton_step(&mut self, gradient: &RootVector) -> RootVector {
+        if self.stale.contains(&true) {
+            self.run(Kernel::Factorize);
+            self.stale.fill(false);
+        }
+        let mut step = [0.0; ROOT];
+        self.run(Kernel::Backsolve(gradient, &mut step));
+        step
     }
 
     /// The root's inertia with the joints of all branches held.
@@ -203,57 +123,6 @@ impl Arrow {
                 self.root_inertia[j * n + i] = held;
             }
             self.root_inertia[i * n + i] += 1.0;
-        }
-    }
-
-    /// The point that the starting forces explain while the root rests, but for what [`set_root`](Self::set_root) adds; and
-    /// the root that they explain.
-    #[inline(always)]
-    fn explain_start(&mut self) -> RootVector {
-        let mut root = [0.0; ROOT];
-        for branch in &self.branches {
-            self.point[branch.local..branch.local + branch.stride].fill(0.0);
-        }
-        for s in &self.singles {
-            self.point[s.at] += s.entry * s.start;
-        }
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let point = &mut self.point[branch.local..branch.local + branch.stride];
-                for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
-                    axpy_lanes(*f, row, point);
-                }
-                branch.sweep(&self.inertia_factor, point);
-                axpy_lanes(1.0, &point[..branch.root], &mut root[..branch.root]);
-                branch.scale(&self.inertia_pivots, point);
-            });
-        }
-        root
-    }
-
-    /// Sets the root of each branch's point, and moves its joints with it.
-    #[inline(always)]
-    fn set_root(&mut self, z: &RootVector) {
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let point = &mut self.point[branch.local..branch.local + branch.stride];
-                point[..branch.root].copy_from_slice(&z[..branch.root]);
-                branch.back(&self.inertia_factor, point);
-            });
-        }
-    }
-
-    /// The point that the starting forces explain at the root `z`, and its residuals `jar = bias + Y z + X d`.
-    #[inline(always)]
-    fn start(&mut self, z: &RootVector) {
-        self.explain_start();
-        self.set_root(z);
-        for branch in self.branches.iter().copied() {
-            let (jar, bias) = (&mut self.jar[branch.row0..], &self.bias[branch.row0..]);
-            unrolled!(branch => branch.apply(&self.matrix, &self.point, |i, moved| jar[i] = bias[i] + moved));
-        }
-        for s in &mut self.singles {
-            s.jar = s.bias + s.entry * self.point[s.at];
         }
     }
 
@@ -301,47 +170,6 @@ impl Arrow {
         }
     }
 
-    /// Inertial forces of the point, the root's in `root` and the branches' in `gradient`; and their cost.
-    #[inline(always)]
-    fn momentum(&mut self, z: &RootVector, root: &mut RootVector, cost: &mut f64) {
-        let n = self.root;
-        for (out, row) in root.iter_mut().zip(self.root_inertia[..n * n].chunks_exact(n)) {
-            *out = dot_lanes(row, &z[..n]);
-        }
-        let mut own = 0.0;
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let local = branch.local..branch.local + branch.stride;
-                let (point, out) = (&self.point[local.clone()], &mut self.gradient[local]);
-                branch.momentum(&self.inertia[..], point, out);
-                axpy_lanes(1.0, &out[..branch.root], &mut root[..branch.root]);
-                out[..branch.root].fill(0.0);
-                own += dot_lanes(&out[branch.root..], &point[branch.root..]);
-            });
-        }
-        *cost = 0.5 * (own + dot_lanes(root, z));
-    }
-
-    /// From inertial forces to the gradient: `- Y' f`, `- X' f`.
-    #[inline(always)]
-    fn subtract_forces(&mut self, root: &mut RootVector) {
-        for s in &self.singles {
-            self.gradient[s.at] -= s.entry * s.force;
-        }
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let local = &mut self.gradient[branch.local..branch.local + branch.stride];
-                for (row, f) in branch.rows(&self.matrix).zip(&self.forces[branch.row0..]) {
-                    if *f != 0.0 {
-                        axpy_lanes(-f, row, local);
-                    }
-                }
-                axpy_lanes(1.0, &local[..branch.root], &mut root[..branch.root]);
-                local[..branch.root].fill(0.0);
-            });
-        }
-    }
-
     /// The gradient's norm in the metric of the inverse inertia.
     fn gradient_norm(&mut self, gradient: &RootVector) -> f64 {
         let mut root = *gradient;
@@ -362,97 +190,5 @@ impl Arrow {
         let own = |b: &Branch| b.local + b.root..b.local + b.stride;
         let of_branch = |b: &Branch| dot_lanes(&self.gradient[own(b)], &self.step[own(b)]);
         dot_lanes(gradient, step) + self.branches.iter().map(of_branch).sum::<f64>()
-    }
-
-    /// Solves `H step = -gradient`; the root's part goes to `root`, the branches' to `step`, and what they change of the
-    /// residuals to `slope`.
-    #[inline(always)]
-    fn newton_step(&mut self, gradient: &RootVector, root: &mut RootVector) {
-        let n = self.root;
-        root.iter_mut().zip(gradient).for_each(|(out, x)| *out = -x);
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let local = branch.local..branch.local + branch.stride;
-                let step = &mut self.step[local.clone()];
-                step.iter_mut().zip(&self.gradient[local]).for_each(|(out, x)| *out = -x);
-                branch.sweep(&self.factor, step);
-                axpy_lanes(1.0, &step[..branch.root], &mut root[..branch.root]);
-                branch.scale(&self.pivots, step);
-            });
-        }
-        solve_root(n, &self.root_factor, &self.root_pivots, root);
-        for branch in self.branches.iter().copied() {
-            unrolled!(branch => {
-                let step = &mut self.step[branch.local..branch.local + branch.stride];
-                step[..branch.root].copy_from_slice(&root[..branch.root]);
-                branch.back(&self.factor, step);
-                let slope = &mut self.slope[branch.row0..];
-                branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);
-            });
-        }
-        for s in &mut self.singles {
-            s.slope = s.entry * self.step[s.at];
-        }
-    }
-
-    /// Assembles and factors the Hessian, inertia and `[Y X]' C [Y X]`, where it is not that of before.
-    #[inline(always)]
-    fn factorize(&mut self) {
-        let n = self.root;
-        self.root_factor = self.root_inertia;
-        for (k, branch) in self.branches.iter().copied().enumerate() {
-            let eliminated = &mut self.eliminated[k];
-            if self.stale[k] {
-                let own = branch.square..branch.square + branch.width * branch.stride;
-                self.factor[own.clone()].copy_from_slice(&self.inertia[own.clone()]);
-                for s in &self.singles[branch.singles.0..branch.singles.1] {
-                    self.factor[s.diagonal] += s.entry * s.entry * s.curvature();
-                }
-                eliminated[..n * n].fill(0.0);
-                unrolled!(branch => {
-                    let own = &mut self.factor[own];
-                    for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
-                        branch.add_block(b, &self.matrix, &mut self.stiff, eliminated, own);
-                    }
-                    branch.factorize(own, &mut self.pivots[branch.pivot..], eliminated);
-                });
-            }
-            axpy_lanes(1.0, &eliminated[..n * n], &mut self.root_factor[..n * n]);
-        }
-        match n {
-            8 => factorize_root(8, &mut self.root_factor, &mut self.root_pivots),
-            12 => factorize_root(12, &mut self.root_factor, &mut self.root_pivots),
-            _ => factorize_root(n, &mut self.root_factor, &mut self.root_pivots),
-        }
-    }
-}
-
-/// Factors the root's Hessian, no less than the identity, as [`Branch::factorize`] does.
-#[inline(always)]
-fn factorize_root(n: usize, hessian: &mut [f64], pivots: &mut RootVector) {
-    for j in (0..n).rev() {
-        let (above, rest) = hessian.split_at_mut(j * n);
-        let row = &mut rest[..n];
-        let inverse = 1.0 / row[j];
-        pivots[j] = inverse;
-        row[j..].fill(0.0);
-        for (i, above) in above.chunks_exact_mut(n).enumerate() {
-            axpy_lanes(-row[i] * inverse, row, above);
-        }
-        row.iter_mut().for_each(|x| *x *= inverse);
-    }
-}
-
-/// Solves `H x = b` in place.
-#[inline(always)]
-fn solve_root(n: usize, factor: &[f64], pivots: &RootVector, b: &mut RootVector) {
-    for (j, row) in factor[..n * n].chunks_exact(n).enumerate().rev() {
-        axpy_lanes(-b[j], row, &mut b[..n]);
-    }
-    for (b, inverse) in b[..n].iter_mut().zip(pivots) {
-        *b *= inverse;
-    }
-    for (j, row) in factor[..n * n].chunks_exact(n).enumerate() {
-        b[j] -= dot_lanes(row, &b[..n]);
     }
 }

@@ -59,8 +59,8 @@ impl GraspSolver {
             },
             |single, force| if coupled.kept_rows(singles[single]) > 0 { force } else { 0.0 },
         );
-        for block in 0..order.len() {
-            match order[block] {
+        for (block, member) in order.iter().enumerate() {
+            match *member {
                 Member::Contact(i) => friction_of_contact(arrow, block, &mut contacts[i]),
                 Member::Foreign(i) => friction_of_contact(arrow, block, coupled.foreign_mut(i)),
                 Member::Coupled(i) => friction_of_coupled(arrow, block, coupled, i),
