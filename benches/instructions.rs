@@ -18,12 +18,14 @@ use std::hint::black_box;
 
 /// Steps before counting begins: buffers get their sizes, and the solver its memory.
 const WARM_UP: usize = 100;
+/// Steps of one call, as in `bench`.
+const SUBSTEPS: usize = 10;
 
 fn main() -> anyhow::Result<()> {
     // cargo's own arguments begin with a dash
     let args: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
     let [scenario, variant, steps] = args.as_slice() else {
-        println!("instructions SCENARIO grasp|full|floor STEPS");
+        println!("instructions SCENARIO grasp|exact|full|floor STEPS");
         return Ok(());
     };
     let steps: usize = steps.parse().context("STEPS is a number")?;
@@ -32,7 +34,7 @@ fn main() -> anyhow::Result<()> {
     runner.advance_to(plan.timeline.measure_from())?;
     let (mut sim, mut grasps) = runner.into_parts();
     match variant.as_str() {
-        "grasp" => {}
+        "grasp" | "exact" => {}
         "full" => grasps.iter_mut().for_each(|grasp| {
             grasp.release();
             grasp.allow_latch(false);
@@ -41,14 +43,16 @@ fn main() -> anyhow::Result<()> {
             sim.set_contacts_enabled(false);
             grasps = Grasps::new();
         }
-        other => anyhow::bail!("no variant {other}: grasp, full or floor"),
+        other => anyhow::bail!("no variant {other}: grasp, exact, full or floor"),
     }
     for _ in 0..WARM_UP {
         grasps.step(&mut sim)?;
     }
-    let counted = counted_steps(&mut sim, &mut grasps, steps)?;
+    let call = if variant == "grasp" { SUBSTEPS } else { 1 };
+    let counted = counted_steps(&mut sim, &mut grasps, steps, call)?;
     let [main, friction] = counted.iterations.map(|iterations| iterations as f64 / steps as f64);
     println!("{scenario} {variant}: latched in {} of {steps} steps", counted.latched);
+    println!("frozen: {} steps", grasps.frozen_steps());
     println!("Newton iterations a step: {main} with soft contacts, {friction} in the friction pass");
     Ok(())
 }
@@ -63,10 +67,11 @@ struct Counted {
 
 /// Callgrind counts inside this function; `--toggle-collect` finds it by its name.
 #[inline(never)]
-fn counted_steps(sim: &mut Simulation, grasps: &mut Grasps, steps: usize) -> anyhow::Result<Counted> {
+fn counted_steps(sim: &mut Simulation, grasps: &mut Grasps, steps: usize, call: usize) -> anyhow::Result<Counted> {
     let mut counted = Counted { latched: 0, iterations: [0; 2] };
-    for _ in 0..steps {
-        black_box(&mut *grasps).step(sim)?;
+    for k in 1..=steps {
+        let grasps = black_box(&mut *grasps);
+        if k % call == 0 { grasps.step(sim)? } else { grasps.substep(sim)? }
         counted.latched +=
             usize::from(!grasps.is_empty() && grasps.iter().all(|grasp| grasp.phase() == Phase::Grasped));
         for status in grasps.iter().map(|grasp| grasp.solve_status()) {

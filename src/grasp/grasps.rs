@@ -3,6 +3,7 @@
 use super::controller::Grasp;
 use super::error::Error;
 use super::force::GraspForce;
+use super::frozen::Frozen;
 use super::monitor::detector::Detector;
 use super::settings::Settings;
 use super::spec::GraspSpec;
@@ -23,6 +24,7 @@ pub struct Grasps {
     pub(super) force: GraspForce,
     pub(super) bounded_rows: BoundedRows,
     pub(super) detector: Detector,
+    pub(super) frozen: Frozen,
     /// The user's solver settings, while a merged grasp has others.
     pub(super) settings: Option<Settings>,
 }

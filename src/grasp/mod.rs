@@ -4,6 +4,7 @@ pub mod contact;
 mod controller;
 mod error;
 mod force;
+mod frozen;
 mod grasps;
 pub(crate) mod hand;
 pub(crate) mod linalg;

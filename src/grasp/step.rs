@@ -24,7 +24,9 @@ impl Grasps {
     pub fn step(&mut self, sim: &mut Simulation) -> Result<(), Error> {
         self.check_model(sim)?;
         self.adapt_settings(sim)?;
-        sim.step_with(self)
+        sim.step_with(self)?;
+        self.frozen.refresh(sim);
+        Ok(())
     }
 
     /// As [`step`](Self::step), stage by stage throughout, and adds the time of the contact part (collision, making and
@@ -113,6 +115,9 @@ impl Hooks for Grasps {
         for grasp in self.list.iter_mut().filter(|g| g.is_merged()) {
             grasp.read_merged(sim);
         }
+        if self.frozen.is_now() {
+            return Ok(());
+        }
         let mut offset = 0;
         for grasp in self.latched() {
             grasp.show_forces(sim, &mut offset)?;
@@ -122,6 +127,10 @@ impl Hooks for Grasps {
 
     /// Reads quality, and latches or releases.
     fn observe(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        if self.frozen.is_now() {
+            self.list.iter_mut().filter(|g| g.phase() == Phase::Grasped).for_each(|grasp| grasp.observe_frozen(sim));
+            return Ok(());
+        }
         self.list.iter_mut().try_for_each(|grasp| match grasp.phase() {
             Phase::Grasped => {
                 grasp.observe_grasped(sim);
@@ -133,11 +142,12 @@ impl Hooks for Grasps {
 
     fn forget(&mut self) {
         self.list.iter_mut().for_each(Grasp::release);
+        self.frozen.forget();
     }
 }
 
 impl Grasps {
-    fn latched(&self) -> impl Iterator<Item = &Grasp> {
+    pub(super) fn latched(&self) -> impl Iterator<Item = &Grasp> {
         self.list.iter().filter(|g| g.phase() == Phase::Grasped)
     }
 
@@ -169,6 +179,13 @@ impl Grasps {
     /// Solves the latched grasps with friction cones, those that move each other as one problem; returns how many of the
     /// engine's rows were solved with them.
     fn solve_cones(&mut self, sim: &Simulation) -> Result<usize, Error> {
+        if self.frozen.is_now() {
+            let latched = self.list.iter_mut().filter(|grasp| grasp.phase() == Phase::Grasped);
+            return latched.map(|grasp| {
+                grasp.resume_cones(sim, &mut self.force.generalised)?;
+                Ok(grasp.solved_rows())
+            }).sum();
+        }
         let alone = self.latched().count() == 1;
         let welds = self.weld_rows(sim);
         let mut rows = 0;

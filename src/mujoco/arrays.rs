@@ -65,12 +65,13 @@ macro_rules! read_arrays {
 }
 
 /// As `read_arrays`, for writing: `name => name_mut`. Only arrays of plain numbers that the engine never uses as
-/// an address or a count may be listed.
+/// an address or a count may be listed. `$note` is a method that is called first.
 macro_rules! write_arrays {
-    ($source:ident, $sizes:ident; $($name:ident => $fn:ident: $ty:ty [$first:tt $(x $more:tt)*], $doc:literal;)*) => { $(
+    ($source:ident, $sizes:ident, $note:ident; $($name:ident => $fn:ident: $ty:ty [$first:tt $(x $more:tt)*], $doc:literal;)*) => { $(
         #[doc = concat!($doc, ". Shape: `", stringify!($first $(x $more)*), "`.")]
         #[inline]
         pub fn $fn(&mut self) -> &mut [$ty] {
+            self.$note();
             let sizes = self.$sizes();
             let len = factor!(sizes, $first) $(* factor!(sizes, $more))*;
             // SAFETY: the engine allocates this array with exactly this shape, it lives as long as `self`, and `&mut

@@ -111,13 +111,16 @@ impl Simulation {
         efc_state: i32 [nefc], "State of each row (mjtConstraintState)";
     }
 
-    write_arrays! { data, sizes;
-        qpos => qpos_mut: f64 [nq], "Generalized position, to write";
+    write_arrays! { data, sizes, note_input;
         qvel => qvel_mut: f64 [nv], "Generalized velocity, to write";
         act => act_mut: f64 [na], "Actuator activation, to write";
         ctrl => ctrl_mut: f64 [nu], "Controls, to write";
         qfrc_applied => qfrc_applied_mut: f64 [nv], "Applied generalized force, to write";
         xfrc_applied => xfrc_applied_mut: f64 [nbody x 6], "Applied wrench on each body, [force; torque] at its centre of mass, world axes, to write";
+    }
+
+    write_arrays! { data, sizes, note_change;
+        qpos => qpos_mut: f64 [nq], "Generalized position, to write";
         mocap_pos => mocap_pos_mut: f64 [nmocap x 3], "Positions of mocap bodies, to write";
         mocap_quat => mocap_quat_mut: f64 [nmocap x 4], "Orientations of mocap bodies, to write";
         qacc_warmstart => qacc_warmstart_mut: f64 [nv], "Acceleration with which the solver starts, to write";
@@ -128,7 +131,7 @@ impl Simulation {
         qfrc_passive => qfrc_passive_mut: f64 [nv], "Passive force, to write";
     }
 
-    write_arrays! { model_fields, model_fields;
+    write_arrays! { model_fields, model_fields, note_change;
         eq_solref => eq_solref_mut: f64 [neq x 2], "Solver reference of the equality constraints, to write";
         eq_solimp => eq_solimp_mut: f64 [neq x 5], "Solver impedance of the equality constraints, to write";
         geom_friction => geom_friction_mut: f64 [ngeom x 3], "Friction (slide, spin, roll) of each geom, to write";
@@ -145,6 +148,7 @@ impl Simulation {
     /// Numeric data of each equality constraint, to write. Shape: `neq x eq_data_stride()`; see
     /// [`CompiledModel::eq_data`](super::CompiledModel::eq_data).
     pub fn eq_data_mut(&mut self) -> &mut [f64] {
+        self.note_change();
         let model = self.model_fields();
         // SAFETY: as in `write_arrays!`, with the engine's number of columns.
         unsafe { slice_mut(model.eq_data, model.neq as usize * compat::EQ_DATA) }

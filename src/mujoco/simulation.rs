@@ -9,6 +9,7 @@ use super::ids::{EqualityId, Id, KeyframeId};
 use super::model::Model;
 use super::warnings::Warnings;
 use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A running simulation. It owns a private copy of its model, so edits (`eq_data_mut`, `set_timestep`, ...) are
 /// exclusive and simulations run in parallel threads. It can move between threads, but not be shared.
@@ -22,6 +23,22 @@ pub struct Simulation {
     interrupted: Option<(&'static str, String)>,
     pub(super) warnings: Warnings,
     deferred: Deferred,
+    stamp: Stamp,
+}
+
+/// Tells one moment of one simulation from all others: it changes with whatever may change what the next step is computed
+/// from, velocities, activations and inputs (`ctrl_mut` and the like) apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Stamp {
+    simulation: u64,
+    change: u64,
+}
+
+impl Stamp {
+    fn new() -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        Stamp { simulation: NEXT.fetch_add(1, Ordering::Relaxed), change: 0 }
+    }
 }
 
 /// Warnings that do not end a step, until its end.
@@ -90,7 +107,8 @@ impl Simulation {
     fn from_parts(model: CompiledModel, data: *mut ffi::mjData, call: &'static str) -> Result<Self, Error> {
         match NonNull::new(data) {
             Some(data) => {
-                Ok(Self { model, data, interrupted: None, warnings: Warnings::default(), deferred: Deferred::Off })
+                let (warnings, stamp) = (Warnings::default(), Stamp::new());
+                Ok(Self { model, data, interrupted: None, warnings, deferred: Deferred::Off, stamp })
             }
             None => {
                 let message = guard::take_texts().join("; ");
@@ -139,6 +157,7 @@ impl Simulation {
     /// Switches an equality constraint on or off, from the next making of constraints.
     pub fn set_equality_active(&mut self, id: EqualityId, active: bool) -> Result<(), Error> {
         check_index(EqualityId::KIND, id.index(), self.model.neq())?;
+        self.note_change();
         let switches = compat::eq_active(self.model.as_mut_ptr(), self.data.as_ptr());
         // SAFETY: as above, and `&mut self` makes the write exclusive.
         unsafe { *switches.add(id.index()) = active.into() };
@@ -156,6 +175,7 @@ impl Simulation {
         if let Some((call, message)) = &self.interrupted {
             return Err(Error::Interrupted { call, message: message.clone() });
         }
+        self.note_change();
         let time = self.time();
         let (m, d) = (self.model.as_mut_ptr(), self.data.as_ptr());
         match guard::call(call, || f(m, d)) {
@@ -231,6 +251,22 @@ impl Simulation {
         self.interrupted.is_some()
     }
 
+    /// The present moment.
+    pub(crate) fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    /// Before anything but an input is changed.
+    #[inline]
+    pub(super) fn note_change(&mut self) {
+        self.stamp.change += 1;
+    }
+
+    /// Before velocities, activations or inputs are changed: they are read anew in every step.
+    #[inline]
+    #[allow(clippy::unused_self)] // in the place of `note_change`
+    pub(super) fn note_input(&mut self) {}
+
     /// Both structures, for reaching what moves between versions.
     pub(super) fn pointers(&self) -> (*mut ffi::mjModel, *mut ffi::mjData) {
         (self.model.as_ptr().cast_mut(), self.data.as_ptr())
@@ -255,6 +291,7 @@ impl Simulation {
 
     #[inline]
     pub(super) fn data_mut(&mut self) -> &mut ffi::mjData {
+        self.note_change();
         // SAFETY: valid for as long as `self`, and exclusive.
         unsafe { self.data.as_mut() }
     }
@@ -273,6 +310,7 @@ impl Simulation {
 
     #[inline]
     pub(super) fn model_fields_mut(&mut self) -> &mut ffi::mjModel {
+        self.note_change();
         // SAFETY: valid for as long as `self`, and exclusive.
         unsafe { &mut *self.model.as_mut_ptr() }
     }

@@ -184,7 +184,7 @@ impl Simulation {
         Ok(deferred?)
     }
 
-    fn all_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
+    pub(super) fn all_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
         self.checked(hooks, Self::check_pos)?;
         self.checked(hooks, Self::check_vel)?;
         if hooks.in_stages() {
@@ -201,7 +201,7 @@ impl Simulation {
     }
 
     /// One of the engine's checks, after which it may have gone back to its initial configuration.
-    fn checked<H: Hooks>(
+    pub(super) fn checked<H: Hooks>(
         &mut self,
         hooks: &mut H,
         check: impl Fn(&mut Self) -> Result<(), Error>,

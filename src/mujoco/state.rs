@@ -123,6 +123,7 @@ impl Simulation {
     }
 
     fn eq_active_mut(&mut self) -> &mut [u8] {
+        self.note_change();
         let (model, data) = self.pointers();
         // SAFETY: as above, and `&mut self` makes the access exclusive.
         unsafe { slice_mut(compat::eq_active(model, data), self.model().neq()) }

@@ -13,6 +13,7 @@
 //! what is left are the root's unknowns however many fingers and contacts there are.
 
 mod branch;
+mod hessian;
 mod kernels;
 mod newton;
 mod single;
@@ -20,6 +21,7 @@ mod single;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, Response};
 use crate::grasp::linalg::LANES;
 use branch::Branch;
+use hessian::Hessian;
 use single::Single;
 
 /// Most unknowns of the root: the palm's six and the target's six.
@@ -85,15 +87,12 @@ pub struct Arrow {
     gradient: Vec<f64>,
     /// The Newton step.
     step: Vec<f64>,
-    /// Factor of the Hessian and inverse pivots, of each branch and of the root.
-    factor: Vec<f64>,
-    pivots: Vec<f64>,
-    root_factor: RootMatrix,
-    root_pivots: RootVector,
-    /// By branch: true if its part of the Hessian is not that of `factor` and `eliminated`.
-    stale: Vec<bool>,
-    /// What each branch adds to the root's Hessian once it is eliminated.
-    eliminated: Vec<RootMatrix>,
+    /// Of the costs in hand.
+    hessian: Hessian,
+    /// Of the pass before, or the one after: they take turns.
+    other_hessian: Hessian,
+    /// True once the mobilities of this problem are known.
+    mobile: bool,
     /// Rows of one block times its cost's second derivative.
     stiff: Vec<f64>,
     /// One row.
@@ -122,12 +121,9 @@ impl Default for Arrow {
             point: Vec::new(),
             gradient: Vec::new(),
             step: Vec::new(),
-            factor: Vec::new(),
-            pivots: Vec::new(),
-            root_factor: [0.0; ROOT * ROOT],
-            root_pivots: [0.0; ROOT],
-            stale: Vec::new(),
-            eliminated: Vec::new(),
+            hessian: Hessian::default(),
+            other_hessian: Hessian::default(),
+            mobile: false,
             stiff: Vec::new(),
             row: Vec::new(),
         }
@@ -138,7 +134,9 @@ impl Arrow {
     /// Starts a new problem with `root` unknowns of palm and target, at most [`ROOT`].
     pub fn begin(&mut self, root: usize) {
         self.root = root.next_multiple_of(LANES).min(ROOT);
-        self.stale.clear();
+        self.hessian.forget();
+        self.other_hessian.forget();
+        self.mobile = false;
         self.used = 0;
         self.coupling.fill(0.0);
         self.branches.clear();
@@ -180,7 +178,6 @@ impl Arrow {
         self.inertia_pivots.resize(branch.pivot + joints, 0.0);
         self.point.resize(branch.local + stride, 0.0);
         self.branches.push(branch);
-        self.stale.push(true);
     }
 
     /// The inertia of joint `joint` of the present branch: `N` of the root's unknowns and `M` of the branch's own.
@@ -294,7 +291,24 @@ impl Arrow {
             s.start = of_single(k, s.force);
         }
         self.absorb_start();
-        self.stale.fill(true);
+        std::mem::swap(&mut self.hessian, &mut self.other_hessian);
+    }
+
+    /// Goes back to the costs of the first pass, for other biases of the same rows: each block's and single's is then
+    /// [set](Self::rebias).
+    pub fn resume(&mut self) {
+        std::mem::swap(&mut self.hessian, &mut self.other_hessian);
+    }
+
+    /// The bias of block `block`, one entry for each row, to be set anew.
+    pub fn bias_mut(&mut self, block: usize) -> &mut [f64] {
+        let b = &self.blocks[block];
+        &mut self.bias[b.row0..b.row0 + b.rows]
+    }
+
+    /// Sets the bias of cost `single` anew.
+    pub fn rebias_single(&mut self, single: usize, bias: f64) {
+        self.singles[single].bias = bias;
     }
 
     /// Gives block `block` another cost, the active set in which it is expected, and forces at which the next solve starts.

@@ -94,6 +94,28 @@ impl CoupledConstraints {
         Ok(())
     }
 
+    /// The same rows one step on frozen geometry later: their biases.
+    pub fn resume(&mut self, sim: &Simulation) {
+        let (nv, reference, acceleration) = (sim.model().nv(), sim.efc_aref(), sim.qacc_smooth());
+        for n in self.list.iter_mut().filter(|n| n.foreign().is_none()) {
+            n.solved = false;
+            for k in 0..n.rows {
+                let smooth = match n.jacobian {
+                    Jacobian::Single(dof, value) => value * acceleration[dof],
+                    Jacobian::Dense(row) => {
+                        crate::grasp::linalg::dot(&self.jacobian[(row + k) * nv..(row + k + 1) * nv], acceleration)
+                    }
+                };
+                self.bias[n.first + k] = smooth - n.reference(reference, k);
+            }
+        }
+    }
+
+    /// True if another grasp's contacts are solved together with this grasp's.
+    pub fn has_foreign(&self) -> bool {
+        self.foreign.iter().any(|contact| contact.solved)
+    }
+
     /// Forgets the last step's forces: this grasp has not solved its coupled in it, or was released.
     pub fn forget(&mut self) {
         self.list.clear();
@@ -318,6 +340,14 @@ impl CoupledConstraint {
         } else {
             self.rows
         }
+    }
+
+    /// Reference acceleration of row `k`, from those of the engine's rows.
+    fn reference(&self, of_rows: &[f64], k: usize) -> f64 {
+        let Cost::Pyramidal { friction, .. } = self.cost else { return of_rows[self.row + k] };
+        let j = k.saturating_sub(1);
+        let (plus, minus) = (of_rows[self.row + 2 * j], of_rows[self.row + 2 * j + 1]);
+        if k == 0 { 0.5 * (plus + minus) } else { 0.5 / friction[j] * (plus - minus) }
     }
 
     fn write_force(&self, sim: &mut Simulation) {

@@ -134,15 +134,13 @@ impl BodyInverseInertia {
     pub fn update(&mut self, dynamics: &Dynamics<'_>, leaf: Option<usize>) {
         self.chain.clear();
         self.columns.clear();
-        self.smooth = Spatial::zeros();
         let mut dof = leaf;
         while let Some(i) = dof {
-            let axis = dynamics.axis(i);
-            self.smooth += axis * dynamics.acceleration[i];
             self.chain.push(i);
-            self.columns.push(axis);
+            self.columns.push(dynamics.axis(i));
             dof = dynamics.parent(i);
         }
+        self.accelerate(dynamics);
         self.whiten(dynamics);
         if self.columns.len() <= 6 {
             self.factor = Matrix6::zeros();
@@ -156,6 +154,12 @@ impl BodyInverseInertia {
             }
             self.factor = semidefinite_factor(&inverse_inertia);
         }
+    }
+
+    /// Updates the acceleration alone, where nothing has moved.
+    pub fn accelerate(&mut self, dynamics: &Dynamics<'_>) {
+        let sum = |sum, &dof: &usize| sum + dynamics.axis(dof) * dynamics.acceleration[dof];
+        self.smooth = self.chain.iter().fold(Spatial::zeros(), sum);
     }
 
     /// Takes out of a whitened row what moves this body, into the body's own coordinates `y`, as many as its

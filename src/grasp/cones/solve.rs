@@ -11,14 +11,15 @@
 //! both passes.
 
 mod friction;
+mod resume;
 
 use crate::grasp::cones::arrow::{Arrow, ROOT, RootVector, Status};
 use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints};
 use crate::grasp::cones::inverse_inertia::{Dynamics, HandInverseInertia, Spatial};
 use crate::grasp::cones::joint_groups::JointGroups;
 use crate::grasp::contact::contacts::GraspContact;
-use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
-use crate::grasp::contact::softness::{SolverOptions, softness};
+use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};
+use crate::grasp::contact::softness::{Softness, SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg;
 
@@ -28,8 +29,9 @@ pub struct GraspSolver {
     inverse_inertia: HandInverseInertia,
     groups: JointGroups,
     arrow: Arrow,
-    /// What each of the arrow's blocks is.
+    /// What each of the arrow's blocks is, and its cost with the engine's softness.
     order: Vec<Member>,
+    soft: Vec<Cost>,
     /// Which of the coupled each of the arrow's singles is.
     singles: Vec<usize>,
     /// Whitened rows of one group's trees, and fewer combinations of them.
@@ -66,6 +68,7 @@ impl GraspSolver {
             groups: JointGroups::new(topology, dof_parent),
             arrow: Arrow::default(),
             order: Vec::new(),
+            soft: Vec::new(),
             singles: Vec::new(),
             tree_rows: Vec::new(),
             combined: Vec::new(),
@@ -101,6 +104,10 @@ impl GraspSolver {
         coupled: &mut CoupledConstraints,
     ) -> SolveStatus {
         self.build(dynamics, topology, options, contacts, coupled);
+        self.two_passes(contacts, coupled)
+    }
+
+    fn two_passes(&mut self, contacts: &mut [GraspContact], coupled: &mut CoupledConstraints) -> SolveStatus {
         let main = self.arrow.solve(&mut self.main);
         self.fix_normals(contacts, coupled);
         let mut noslip = self.arrow.solve(&mut self.noslip);
@@ -167,6 +174,7 @@ impl GraspSolver {
         self.groups.form(dynamics, &self.inverse_inertia, contacts, coupled);
         self.arrow.begin(self.inverse_inertia.palm.rank() + self.inverse_inertia.target.rank());
         self.order.clear();
+        self.soft.clear();
         self.singles.clear();
         // without joints of their own blocks share nothing but the root
         self.arrow.begin_branch(0);
@@ -270,6 +278,7 @@ impl GraspSolver {
         let bias = &coupled.bias()[constraint.first..constraint.first + n];
         let block = self.arrow.add_block(constraint.cost, constraint.active_sets[0], bias, &constraint.main[..n]);
         self.order.push(constraint.foreign().map_or(Member::Coupled(i), Member::Foreign));
+        self.soft.push(constraint.cost);
         for row in 0..n {
             let (root, _) = self.arrow.row(block, row);
             root.copy_from_slice(&self.groups.root_row(i, row)[..root.len()]);
@@ -287,41 +296,54 @@ impl GraspSolver {
         own: Option<(usize, usize)>,
     ) {
         let soft = softness(&contact.parameters, options);
-        let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let rows = contact.parameters.condim;
-        let hand_point = dynamics.reference_point(contact.link);
-        let target_point = dynamics.reference_point(topology.target());
-        let hand_velocity = dynamics.velocity(contact.link);
-        let target_velocity = dynamics.velocity(topology.target());
-        let finger =
-            own.zip(topology.leaf(contact.link)).map(|((finger, offset), leaf)| (&fingers[finger], offset, leaf));
-        let hand_acceleration =
-            palm.smooth + finger.map_or_else(Spatial::zeros, |(f, _, leaf)| f.smooth_acceleration(dynamics, leaf));
-
-        let mut wrenches = [(Spatial::zeros(), Spatial::zeros()); MAX_ROWS];
-        let mut bias = [0.0; MAX_ROWS];
-        for i in 0..rows {
-            let on_hand = -contact.unit_wrench(i, &hand_point);
-            let on_target = contact.unit_wrench(i, &target_point);
-            let velocity = on_target.dot(&target_velocity) + on_hand.dot(&hand_velocity);
-            let acceleration = on_target.dot(&target.smooth) + on_hand.dot(&hand_acceleration);
-            bias[i] = acceleration + soft.damping * velocity;
-            wrenches[i] = (on_hand, on_target);
-        }
-        bias[0] += soft.spring;
+        let bias = self.contact_bias(dynamics, topology, contact, &soft);
+        let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let memory = contact.warm_start();
         let start = memory.map_or([0.0; MAX_ROWS], |m| m.main);
         let active_set = memory.map_or(ActiveSet::Stick, |m| m.active_sets[0]);
         let block = self.arrow.add_block(soft.cost, active_set, &bias[..rows], &start[..rows]);
         self.order.push(Member::Contact(index));
-        for (i, (on_hand, on_target)) in wrenches.iter().take(rows).enumerate() {
+        self.soft.push(soft.cost);
+        let finger =
+            own.zip(topology.leaf(contact.link)).map(|((finger, offset), leaf)| (&fingers[finger], offset, leaf));
+        let hand_point = dynamics.reference_point(contact.link);
+        let target_point = dynamics.reference_point(topology.target());
+        for i in 0..rows {
             let (root, own) = self.arrow.row(block, i);
             let (of_palm, of_target) = root.split_at_mut(palm.rank());
-            palm.own(on_hand, of_palm);
-            target.own(on_target, of_target);
+            let on_hand = -contact.unit_wrench(i, &hand_point);
+            palm.own(&on_hand, of_palm);
+            target.own(&contact.unit_wrench(i, &target_point), of_target);
             if let Some((finger, offset, leaf)) = finger {
-                finger.row(leaf, on_hand, &mut own[offset..]);
+                finger.row(leaf, &on_hand, &mut own[offset..]);
             }
         }
+    }
+
+    /// `J qacc_smooth - aref` of each row of a contact.
+    fn contact_bias(
+        &self,
+        dynamics: &Dynamics<'_>,
+        topology: &Topology,
+        contact: &GraspContact,
+        soft: &Softness,
+    ) -> [f64; MAX_ROWS] {
+        let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
+        let finger = contact.finger.zip(topology.leaf(contact.link));
+        let of_finger = finger.map(|(finger, leaf)| fingers[finger].smooth_acceleration(dynamics, leaf));
+        let wanted = |acceleration: Spatial, velocity: Spatial| acceleration + velocity * soft.damping;
+        let on_hand = wanted(palm.smooth + of_finger.unwrap_or_default(), dynamics.velocity(contact.link));
+        let on_target = wanted(target.smooth, dynamics.velocity(topology.target()));
+        let [turn, move_] = contact.relative(
+            (&on_hand, &dynamics.reference_point(contact.link)),
+            (&on_target, &dynamics.reference_point(topology.target())),
+        );
+        let mut bias = [0.0; MAX_ROWS];
+        for (i, bias) in bias.iter_mut().enumerate().take(contact.parameters.condim) {
+            *bias = contact.axes[i % 3].dot(if i < 3 { &move_ } else { &turn });
+        }
+        bias[0] += soft.spring;
+        bias
     }
 }

@@ -168,6 +168,29 @@ impl GraspContact {
         if i < 3 { spatial(&(self.position - point).cross(axis), axis) } else { spatial(axis, &Vector3::zeros()) }
     }
 
+    /// Rotation and translation of the target at the contact, relative to the hand's, from those of both bodies about their
+    /// reference points.
+    pub(in crate::grasp) fn relative(
+        &self,
+        (hand, hand_point): (&Spatial, &Vector3<f64>),
+        (target, target_point): (&Spatial, &Vector3<f64>),
+    ) -> [Vector3<f64>; 2] {
+        let part = |of: &Spatial, at: usize| Vector3::new(of[at], of[at + 1], of[at + 2]);
+        let at_contact = |of: &Spatial, point| part(of, 3) + part(of, 0).cross(&(self.position - point));
+        [part(target, 0) - part(hand, 0), at_contact(target, target_point) - at_contact(hand, hand_point)]
+    }
+
+    /// One step on: the surfaces have moved apart by so much \[m\], and the last step's forces are what is remembered.
+    pub(in crate::grasp) fn resume(&mut self, apart: f64) {
+        self.parameters.dist += apart;
+        let mut friction = [0.0; 5];
+        friction.copy_from_slice(&self.force_rows[1..]);
+        let mut correction = friction;
+        correction.iter_mut().zip(&self.main[1..]).for_each(|(correction, main)| *correction -= main);
+        let (main, active_sets) = (self.main, self.active_sets);
+        self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets });
+    }
+
     /// The wrench of this contact on the target, `[torque about point; force]`.
     pub fn wrench_about(&self, point: &Vector3<f64>) -> Spatial {
         spatial(&((self.position - point).cross(&self.force) + self.torque), &self.force)

@@ -117,19 +117,7 @@ impl Grasp {
         welds: &Range<usize>,
         out: &mut [f64],
     ) -> Result<(), Error> {
-        let model = sim.model();
-        let dynamics = Dynamics {
-            dof_parent: model.dof_parentid(),
-            dof_body: model.dof_bodyid(),
-            factor: sim.mass_factor(),
-            inverse_diagonal: sim.qLDiagInv(),
-            dof_axis: sim.cdof(),
-            composite_inertia: sim.crb(),
-            body_root: model.body_rootid(),
-            subtree_com: sim.subtree_com(),
-            body_velocity: sim.cvel(),
-            acceleration: sim.qacc_smooth(),
-        };
+        let dynamics = dynamics(sim);
         let options = SolverOptions::of(sim.model());
         self.coupled.read(sim, welds)?;
         for other in others.iter().filter(|g| g.awaits_solve()) {
@@ -137,10 +125,7 @@ impl Grasp {
         }
         let contacts = self.set.contacts_mut();
         self.status = self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.coupled);
-        let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
-        if !self.set.contacts().iter().chain(self.coupled.foreign()).all(finite) {
-            return Err(Error::Diverged { time: sim.time(), what: "a contact force" });
-        }
+        self.check_forces(sim)?;
         self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
         self.coupled.add_foreign_forces(out);
         let mut foreign = self.coupled.foreign().iter();
@@ -148,6 +133,43 @@ impl Grasp {
             other.take_back(&mut foreign, self.status);
         }
         Ok(())
+    }
+
+    /// As [`solve_cones`](Self::solve_cones), on the geometry of the last step that was not frozen.
+    pub(in crate::grasp) fn resume_cones(&mut self, sim: &Simulation, out: &mut [f64]) -> Result<(), Error> {
+        let dynamics = dynamics(sim);
+        let options = SolverOptions::of(sim.model());
+        self.coupled.resume(sim);
+        let contacts = self.set.contacts_mut();
+        self.status = self.solver.resume(&dynamics, &self.topology, &options, contacts, &mut self.coupled);
+        self.check_forces(sim)?;
+        self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
+        Ok(())
+    }
+
+    /// Whether the next solve can go on from this one where nothing but time has passed.
+    pub(in crate::grasp) fn can_resume(&self) -> bool {
+        match self.machine.phase() {
+            Phase::Grasped => {
+                self.is_cones() && !self.coupled.has_foreign() && self.set.contacts().iter().all(|c| c.solved)
+            }
+            Phase::Ungrasped => self.set.contacts().is_empty(),
+        }
+    }
+
+    /// After a frozen step: releases when the hand has lost its hold. The quality stays that of the last whole step.
+    pub(in crate::grasp) fn observe_frozen(&mut self, sim: &Simulation) {
+        if self.machine.observe_grasped(self.has_hold(), sim.model().timestep()) == Phase::Ungrasped {
+            self.forget();
+        }
+    }
+
+    fn check_forces(&self, sim: &Simulation) -> Result<(), Error> {
+        let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
+        match self.set.contacts().iter().chain(self.coupled.foreign()).all(finite) {
+            true => Ok(()),
+            false => Err(Error::Diverged { time: sim.time(), what: "a contact force" }),
+        }
     }
 
     /// Takes this grasp's contacts back from the solve of another grasp in which they were foreign.
@@ -186,5 +208,21 @@ impl Grasp {
             }
         }
         Ok(())
+    }
+}
+
+fn dynamics(sim: &Simulation) -> Dynamics<'_> {
+    let model = sim.model();
+    Dynamics {
+        dof_parent: model.dof_parentid(),
+        dof_body: model.dof_bodyid(),
+        factor: sim.mass_factor(),
+        inverse_diagonal: sim.qLDiagInv(),
+        dof_axis: sim.cdof(),
+        composite_inertia: sim.crb(),
+        body_root: model.body_rootid(),
+        subtree_com: sim.subtree_com(),
+        body_velocity: sim.cvel(),
+        acceleration: sim.qacc_smooth(),
     }
 }

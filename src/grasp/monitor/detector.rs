@@ -28,6 +28,8 @@ pub(in crate::grasp) struct Detector {
     /// Not in all versions of the engine, nor for all kinds of contacts.
     direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
+    /// The last call has replaced the stage.
+    replaced: bool,
 }
 
 impl Detector {
@@ -41,7 +43,7 @@ impl Detector {
         let sets: Vec<_> =
             grasps.iter().map(|of| [geoms(&|body| of.in_hand(body)), geoms(&|body| of.in_target(body))]).collect();
         let direct = Self::direct(sim, &sets)?;
-        Ok(Detector { origin: sim.model().origin(), latched, sets, near: 0, direct, found: Vec::new() })
+        Ok(Detector { origin: sim.model().origin(), latched, sets, near: 0, direct, found: Vec::new(), replaced: false })
     }
 
     fn direct(sim: &Simulation, sets: &[GeomSets]) -> Result<Option<(PairCollider, Clearance)>, Error> {
@@ -68,6 +70,7 @@ impl Detector {
         if self.origin != sim.model().origin() || !latched.eq(self.latched.iter().copied()) {
             *self = Self::new(sim, grasps.clone())?;
         }
+        self.replaced = false;
         let Some((collider, clearance)) = &mut self.direct else {
             return Ok(false);
         };
@@ -89,7 +92,17 @@ impl Detector {
                 }
             }
         }
+        self.replaced = alike;
         Ok(alike)
+    }
+
+    /// How far any two bodies may move towards each other from the last step's poses on before anything can touch that was not
+    /// looked at \[m\]: zero if the engine's own stage was needed.
+    pub(in crate::grasp) fn slack(&self) -> f64 {
+        match &self.direct {
+            Some((_, clearance)) if self.replaced => clearance.slack(),
+            _ => 0.0,
+        }
     }
 
     /// Finds the contacts of two more bodies directly from the next step on, if that can be.

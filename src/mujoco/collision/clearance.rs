@@ -85,6 +85,11 @@ impl Clearance {
         Ok(self.blocked.is_none())
     }
 
+    /// After a "yes": how far any two bodies may still move towards each other before it has to be asked for again \[m\].
+    pub fn slack(&self) -> f64 {
+        self.ledger.slack()
+    }
+
     /// The geoms of the two bodies that may touch, if that is why the last call said "no": a collider that covers them too
     /// lets the next say "yes".
     pub fn near(&self) -> Option<GeomSets> {

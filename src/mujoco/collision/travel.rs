@@ -158,6 +158,18 @@ impl Ledger {
         Ok(blocked.or_else(|| self.accounts_inside.first_blocked(sim, proximity, &self.ways, 0.0)))
     }
 
+    /// What is left for two bodies to move towards each other before any group may have a contact \[m\].
+    pub fn slack(&self) -> f64 {
+        let (inside, carried) = self.hand.as_ref().map_or((0.0, 0.0), |hand| (hand.travel, hand.way));
+        let kinds = [
+            (&self.accounts_outside, self.travel_outside, 0.0),
+            (&self.accounts_across, self.travel_across + carried, carried),
+            (&self.accounts_inside, inside, 0.0),
+        ];
+        let of = |(accounts, travel, carried): (&Accounts, f64, f64)| accounts.slack(&self.ways, carried, travel);
+        kinds.into_iter().map(of).fold(f64::INFINITY, f64::min)
+    }
+
     /// Adds to all ways and travels; false if one is not a number.
     fn advance(&mut self, sim: &Simulation) -> bool {
         let outside = advance(sim, &mut self.outside, &mut self.ways, |was| *was);
@@ -264,6 +276,11 @@ impl Accounts {
             }
         }
         self.far_until = travel + least;
+    }
+
+    fn slack(&self, ways: &[f64], carried: f64, travel: f64) -> f64 {
+        let near = self.all[..self.near].iter().map(|account| account.until - account.used(ways) - carried);
+        near.fold(self.far_until - travel, f64::min)
     }
 
     /// The first near group that may have a contact.

@@ -35,7 +35,9 @@ impl WithSimd for Vectorized<'_> {
             Kernel::FactorizeInertia(branch) => self.arrow.factor_inertia(branch),
             Kernel::AbsorbStart => {
                 self.arrow.absorb();
-                self.arrow.mobilities();
+                if !std::mem::replace(&mut self.arrow.mobile, true) {
+                    self.arrow.mobilities();
+                }
             }
             Kernel::Start(z) => self.arrow.start(z),
             Kernel::Momentum(z, root, cost) => self.arrow.momentum(z, root, cost),
@@ -204,17 +206,17 @@ impl Arrow {
                 let local = branch.local..branch.local + branch.stride;
                 let step = &mut self.step[local.clone()];
                 step.iter_mut().zip(&self.gradient[local]).for_each(|(out, x)| *out = -x);
-                branch.sweep(&self.factor, step);
+                branch.sweep(&self.hessian.factor, step);
                 axpy_lanes(1.0, &step[..branch.root], &mut root[..branch.root]);
-                branch.scale(&self.pivots, step);
+                branch.scale(&self.hessian.pivots, step);
             });
         }
-        solve_root(n, &self.root_factor, &self.root_pivots, root);
+        solve_root(n, &self.hessian.root_factor, &self.hessian.root_pivots, root);
         for branch in self.branches.iter().copied() {
             unrolled!(branch => {
                 let step = &mut self.step[branch.local..branch.local + branch.stride];
                 step[..branch.root].copy_from_slice(&root[..branch.root]);
-                branch.back(&self.factor, step);
+                branch.back(&self.hessian.factor, step);
                 let slope = &mut self.slope[branch.row0..];
                 branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);
             });
@@ -228,30 +230,39 @@ impl Arrow {
     #[inline(always)]
     fn factorize(&mut self) {
         let n = self.root;
-        self.root_factor = self.root_inertia;
-        for (k, branch) in self.branches.iter().copied().enumerate() {
-            let eliminated = &mut self.eliminated[k];
-            if self.stale[k] {
-                let own = branch.square..branch.square + branch.width * branch.stride;
-                self.factor[own.clone()].copy_from_slice(&self.inertia[own.clone()]);
-                for s in &self.singles[branch.singles.0..branch.singles.1] {
-                    self.factor[s.diagonal] += s.entry * s.entry * s.curvature();
-                }
-                eliminated[..n * n].fill(0.0);
-                unrolled!(branch => {
-                    let own = &mut self.factor[own];
-                    for b in &self.blocks[branch.blocks.0..branch.blocks.1] {
-                        branch.add_block(b, &self.matrix, &mut self.stiff, eliminated, own);
-                    }
-                    branch.factorize(own, &mut self.pivots[branch.pivot..], eliminated);
-                });
+        let mut renewed = false;
+        let Arrow { hessian, inertia, branches, blocks, singles, matrix, stiff, .. } = self;
+        for (k, branch) in branches.iter().copied().enumerate() {
+            if !hessian.renews(k, &branch, blocks, singles) {
+                continue;
             }
-            axpy_lanes(1.0, &eliminated[..n * n], &mut self.root_factor[..n * n]);
+            renewed = true;
+            let own = branch.square..branch.square + branch.width * branch.stride;
+            hessian.factor[own.clone()].copy_from_slice(&inertia[own.clone()]);
+            for s in &singles[branch.singles.0..branch.singles.1] {
+                hessian.factor[s.diagonal] += s.entry * s.entry * s.curvature();
+            }
+            let eliminated = &mut hessian.eliminated[k];
+            eliminated[..n * n].fill(0.0);
+            unrolled!(branch => {
+                let own = &mut hessian.factor[own];
+                for b in &blocks[branch.blocks.0..branch.blocks.1] {
+                    branch.add_block(b, matrix, stiff, eliminated, own);
+                }
+                branch.factorize(own, &mut hessian.pivots[branch.pivot..], eliminated);
+            });
+        }
+        if !renewed {
+            return;
+        }
+        hessian.root_factor = self.root_inertia;
+        for eliminated in &hessian.eliminated[..branches.len()] {
+            axpy_lanes(1.0, &eliminated[..n * n], &mut hessian.root_factor[..n * n]);
         }
         match n {
-            8 => factorize_root(8, &mut self.root_factor, &mut self.root_pivots),
-            12 => factorize_root(12, &mut self.root_factor, &mut self.root_pivots),
-            _ => factorize_root(n, &mut self.root_factor, &mut self.root_pivots),
+            8 => factorize_root(8, &mut hessian.root_factor, &mut hessian.root_pivots),
+            12 => factorize_root(12, &mut hessian.root_factor, &mut hessian.root_pivots),
+            _ => factorize_root(n, &mut hessian.root_factor, &mut hessian.root_pivots),
         }
     }
 }

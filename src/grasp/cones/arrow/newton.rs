@@ -32,9 +32,7 @@ impl Arrow {
         for buffer in [&mut self.gradient, &mut self.step] {
             buffer.resize(local, 0.0);
         }
-        self.factor.resize(square, 0.0);
-        self.eliminated.resize(self.eliminated.len().max(self.branches.len()), [0.0; ROOT * ROOT]);
-        self.pivots.resize(self.inertia_pivots.len(), 0.0);
+        self.hessian.fit([square, self.inertia_pivots.len(), self.branches.len(), self.used, self.singles.len()]);
         let widest = self.branches.iter().map(|b| b.stride).max().unwrap_or(0);
         self.stiff.resize(self.stiff.len().max(MAX_ROWS * widest), 0.0);
         self.row.resize(self.row.len().max(widest), 0.0);
@@ -104,10 +102,7 @@ impl Arrow {
 
     /// The root's part of Newton's step; the branches' are in `step`, and what they change of the residuals in `slope`.
     fn newton_step(&mut self, gradient: &RootVector) -> RootVector {
-        if self.stale.contains(&true) {
-            self.run(Kernel::Factorize);
-            self.stale.fill(false);
-        }
+        self.run(Kernel::Factorize);
         let mut step = [0.0; ROOT];
         self.run(Kernel::Backsolve(gradient, &mut step));
         step
@@ -132,30 +127,22 @@ impl Arrow {
             let active_set = b.response.active_set;
             b.cost.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], active_set, &mut b.response);
             b.store_force(&mut self.forces);
-            self.stale[b.branch] |= !active_set.is_affine();
         }
         self.singles.iter_mut().for_each(Single::respond_in);
     }
 
-    /// Evaluates every cost; returns the summed cost and whether all active sets are those of before and affine.
+    /// Evaluates every cost; returns the summed cost and whether all active sets are those of the Hessian and affine.
     fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
-        for (branch, stale) in self.branches.iter().zip(&mut self.stale) {
-            let mut same = true;
-            for b in &mut self.blocks[branch.blocks.0..branch.blocks.1] {
-                let before = b.response.active_set;
-                b.cost.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
-                b.store_force(&mut self.forces);
-                same &= b.response.active_set == before && before.is_affine();
-                cost += b.response.cost;
-            }
-            for s in &mut self.singles[branch.singles.0..branch.singles.1] {
-                let (of_single, as_before) = s.respond();
-                cost += of_single;
-                same &= as_before;
-            }
-            *stale |= !same;
-            affine &= same;
+        for (i, b) in self.blocks[..self.used].iter_mut().enumerate() {
+            b.cost.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
+            b.store_force(&mut self.forces);
+            affine &= self.hessian.is_of(i, b.response.active_set);
+            cost += b.response.cost;
+        }
+        for (i, s) in self.singles.iter_mut().enumerate() {
+            cost += s.respond();
+            affine &= self.hessian.is_of_side(i, s.side());
         }
         (cost, affine)
     }

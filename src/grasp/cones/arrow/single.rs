@@ -32,7 +32,7 @@ pub struct Single {
 
 /// Where in the interval the force is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+pub(super) enum Side {
     Inside,
     Low,
     High,
@@ -92,6 +92,11 @@ impl Single {
         }
     }
 
+    #[inline(always)]
+    pub(super) fn side(&self) -> Side {
+        self.side
+    }
+
     /// Second derivative.
     #[inline(always)]
     pub(super) fn curvature(&self) -> f64 {
@@ -108,10 +113,9 @@ impl Single {
         };
     }
 
-    /// Finds side and force at the residual; returns the cost and whether the side is what it was.
+    /// Finds side and force at the residual; returns the cost.
     #[inline(always)]
-    pub(super) fn respond(&mut self) -> (f64, bool) {
-        let before = self.side;
+    pub(super) fn respond(&mut self) -> f64 {
         let trial = self.centre - self.stiffness * self.jar;
         self.side = if trial < self.low {
             Side::Low
@@ -123,7 +127,7 @@ impl Single {
         self.respond_in();
         let off = self.force - self.centre;
         let elastic = if off == 0.0 { 0.0 } else { 0.5 * off * off / self.stiffness };
-        (-self.force * self.jar - elastic, self.side == before)
+        -self.force * self.jar - elastic
     }
 
     /// How far the force is from its centre, as a share of its limit; 0 of a limit of one side.

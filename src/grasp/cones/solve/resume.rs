@@ -1,0 +1,71 @@
+//! The grasp solve one step on frozen geometry later: the same rows, other accelerations.
+
+use super::{GraspSolver, Member, SolveStatus};
+use crate::grasp::cones::coupled::CoupledConstraints;
+use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};
+use crate::grasp::contact::softness::{SolverOptions, softness};
+use crate::grasp::hand::topology::Topology;
+
+impl GraspSolver {
+    /// As [`solve`](Self::solve), of the contacts and coupled of the last step, which have moved on. Inertia, rows and softness
+    /// are those of that step, and so are the factored Hessians as long as no active set changes.
+    pub fn resume(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        topology: &Topology,
+        options: &SolverOptions,
+        contacts: &mut [GraspContact],
+        coupled: &mut CoupledConstraints,
+    ) -> SolveStatus {
+        self.arrow.resume();
+        self.inverse_inertia.palm.accelerate(dynamics);
+        self.inverse_inertia.target.accelerate(dynamics);
+        for block in 0..self.order.len() {
+            match self.order[block] {
+                Member::Contact(i) => self.resume_contact(dynamics, topology, options, block, &mut contacts[i]),
+                Member::Coupled(i) => {
+                    let constraint = &coupled.list()[i];
+                    let rows = constraint.first..constraint.first + constraint.rows;
+                    self.arrow.bias_mut(block).copy_from_slice(&coupled.bias()[rows]);
+                    self.arrow.recost(block, constraint.cost, constraint.active_sets[0], &constraint.main);
+                }
+                // a grasp with such a contact is not resumed
+                Member::Foreign(_) => {}
+            }
+        }
+        for (single, &i) in self.singles.iter().enumerate() {
+            let constraint = &coupled.list()[i];
+            self.arrow.rebias_single(single, coupled.bias()[constraint.first]);
+            self.arrow.recost_single(single, &constraint.cost, constraint.active_sets[0], constraint.main[0]);
+        }
+        self.two_passes(contacts, coupled)
+    }
+
+    fn resume_contact(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        topology: &Topology,
+        options: &SolverOptions,
+        block: usize,
+        contact: &mut GraspContact,
+    ) {
+        let (hand, target) = (dynamics.velocity(contact.link), dynamics.velocity(topology.target()));
+        let [_, velocity] = contact.relative(
+            (&hand, &dynamics.reference_point(contact.link)),
+            (&target, &dynamics.reference_point(topology.target())),
+        );
+        contact.resume(options.timestep * contact.axes[0].dot(&velocity));
+        let soft = softness(&contact.parameters, options);
+        let bias = self.contact_bias(dynamics, topology, contact, &soft);
+        let rows = contact.parameters.condim;
+        self.arrow.bias_mut(block).copy_from_slice(&bias[..rows]);
+        // surfaces that have come apart are no contact
+        if contact.parameters.dist < contact.parameters.margin {
+            self.arrow.recost(block, self.soft[block], contact.active_sets[0], &contact.main);
+        } else {
+            self.arrow.recost(block, Cost::Still, ActiveSet::Open, &[0.0; MAX_ROWS]);
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! Steps on frozen geometry: between two whole steps a held grasp hardly moves, and what follows from positions need not be
+//! computed anew.
+//!
+//! A frozen step keeps poses, inertia, contact points and constraint Jacobians of the last whole step. Distances and lengths
+//! move on linearly, and everything that does not follow from positions is computed as in a whole step: velocities,
+//! actuators, springs, limits, the contacts' cones in both passes. So the grasp sticks, slides, opens and gives way as ever; what
+//! is left out is how lever arms and directions turn, which is of the order of the angle by which anything has turned
+//! since. When that passes a tolerance, or anything else may have come near, the next step is a whole one.
+
+use super::Grasps;
+use super::controller::Grasp;
+use super::error::Error;
+use crate::mujoco::{CompiledModel, JointKind, Simulation, Stamp};
+
+/// Most frozen steps in a row.
+const MAX_STEPS: usize = 24;
+
+/// Angle by which anything may have turned in frozen steps \[rad\].
+pub const TOLERANCE: f64 = 1e-3;
+
+/// A contact may be found so much too late \[m\]: some hundredths of what surfaces usually sink into each other.
+const LATE: f64 = 2e-5;
+
+/// What has happened since the last whole step.
+#[derive(Clone, Debug)]
+pub(super) struct Frozen {
+    /// After the last step of these grasps.
+    stamp: Option<Stamp>,
+    /// This step is frozen.
+    now: bool,
+    /// Frozen steps since the last whole one, and ever.
+    steps: usize,
+    count: u64,
+    tolerance: f64,
+    /// By degree of freedom: how far it has come since the last whole step \[rad or m\].
+    travel: Vec<f64>,
+    /// How far a point of what it carries moves by it \[m/rad or m/m\], and whether it turns.
+    reach: Vec<(f64, bool)>,
+    /// By degree of freedom: angle and way of what it carries.
+    motion: Vec<(f64, f64)>,
+    /// How far anything may move until something else may touch \[m\].
+    slack: f64,
+}
+
+impl Default for Frozen {
+    fn default() -> Self {
+        Frozen {
+            stamp: None,
+            now: false,
+            steps: 0,
+            count: 0,
+            tolerance: std::env::var("FROZEN_TOL").ok().and_then(|x| x.parse().ok()).unwrap_or(TOLERANCE),
+            travel: Vec::new(),
+            reach: Vec::new(),
+            motion: Vec::new(),
+            slack: 0.0,
+        }
+    }
+}
+
+impl Grasps {
+    /// As [`step`](Self::step), for a step after which only the state is wanted (`qpos`, `qvel`, `act`, time) and phases
+    /// and contact forces of the grasps: where that is good enough it is made on the geometry of the last whole step.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn substep(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        if !self.may_freeze(sim)? {
+            return self.step(sim);
+        }
+        self.frozen.now = true;
+        let made = sim.step_frozen(self);
+        self.frozen.now = false;
+        match made {
+            Ok(()) => self.frozen.advance(sim),
+            Err(_) => self.frozen.forget(),
+        }
+        made
+    }
+
+    /// `n` steps with the same controls: all of `sim` is as after the last one.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn steps(&mut self, sim: &mut Simulation, n: usize) -> Result<(), Error> {
+        for _ in 1..n {
+            self.substep(sim)?;
+        }
+        if n > 0 { self.step(sim) } else { Ok(()) }
+    }
+
+    /// Number of steps so far that were made on frozen geometry.
+    pub fn frozen_steps(&self) -> u64 {
+        self.frozen.count
+    }
+
+    fn may_freeze(&mut self, sim: &Simulation) -> Result<bool, Error> {
+        let frozen = &mut self.frozen;
+        if frozen.stamp != Some(sim.stamp()) || frozen.steps >= MAX_STEPS || frozen.tolerance <= 0.0 {
+            return Ok(false);
+        }
+        self.check_model(sim)?;
+        if self.latched().next().is_none() || !self.list.iter().all(Grasp::can_resume) {
+            return Ok(false);
+        }
+        if self.frozen.steps == 0 {
+            self.frozen.slack = self.detector.slack();
+        }
+        let (angle, way) = self.frozen.motion(sim);
+        if std::env::var("FDBG").is_ok() { eprintln!("steps {} angle {angle:.2e} way {way:.2e} slack {:.2e}", self.frozen.steps, self.frozen.slack); }
+        Ok(angle <= self.frozen.tolerance && 2.0 * way <= self.frozen.slack + LATE)
+    }
+}
+
+impl Frozen {
+    /// True in the midst of a frozen step.
+    pub fn is_now(&self) -> bool {
+        self.now
+    }
+
+    /// After a whole step.
+    pub fn refresh(&mut self, sim: &Simulation) {
+        self.steps = 0;
+        self.stamp = Some(sim.stamp());
+        self.travel.clear();
+        self.travel.extend(sim.qvel().iter().map(|v| v * sim.model().timestep()));
+    }
+
+    /// After a frozen step.
+    fn advance(&mut self, sim: &Simulation) {
+        if self.stamp.is_none() {
+            return;
+        }
+        self.steps += 1;
+        self.count += 1;
+        self.stamp = Some(sim.stamp());
+        let step = sim.model().timestep();
+        self.travel.iter_mut().zip(sim.qvel()).for_each(|(travel, v)| *travel += step * v);
+    }
+
+    /// The next step is a whole one.
+    pub fn forget(&mut self) {
+        self.stamp = None;
+    }
+
+    /// The largest angle and the longest way of anything since the last whole step \[rad, m\].
+    fn motion(&mut self, sim: &Simulation) -> (f64, f64) {
+        let model = sim.model();
+        if self.reach.len() != model.nv() {
+            self.reach = reach(model);
+        }
+        self.motion.clear();
+        let mut largest = (0.0f64, 0.0f64);
+        for (dof, &parent) in model.dof_parentid().iter().enumerate() {
+            let (mut angle, mut way) = usize::try_from(parent).map_or((0.0, 0.0), |parent| self.motion[parent]);
+            let (reach, turns) = self.reach[dof];
+            let moved = self.travel[dof].abs();
+            angle += if turns { moved } else { 0.0 };
+            way += moved * reach;
+            largest = (largest.0.max(angle), largest.1.max(way));
+            self.motion.push((angle, way));
+        }
+        largest
+    }
+}
+
+/// For each degree of freedom how far the farthest point that it carries is from its axis, at the most, and whether it turns.
+fn reach(model: &CompiledModel) -> Vec<(f64, bool)> {
+    let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // of all that hangs on a body and can touch anything, about its origin; negative without such a thing
+    let mut radius = vec![f64::NEG_INFINITY; model.nbody()];
+    let paired = |geom: usize| model.pair_geom1().iter().chain(model.pair_geom2()).any(|&of| of as usize == geom);
+    let touches =
+        |geom: usize| model.geom_contype()[geom] | model.geom_conaffinity()[geom] != 0 || paired(geom);
+    for geom in (0..model.ngeom()).filter(|&geom| touches(geom)) {
+        let body = model.geom_bodyid()[geom] as usize;
+        radius[body] = radius[body].max(norm(&model.geom_pos()[3 * geom..3 * geom + 3]) + model.geom_rbound()[geom]);
+    }
+    for body in (1..model.nbody()).rev() {
+        let parent = model.body_parentid()[body] as usize;
+        let mut offset = norm(&model.body_pos()[3 * body..3 * body + 3]);
+        let first = model.body_jntadr()[body].max(0) as usize;
+        for joint in first..first + model.body_jntnum()[body] as usize {
+            offset += 2.0 * norm(&model.jnt_pos()[3 * joint..3 * joint + 3]);
+            if model.jnt_type()[joint] == JointKind::Slide.raw() {
+                offset += model.jnt_range()[2 * joint..2 * joint + 2].iter().map(|x| x.abs()).fold(0.0, f64::max);
+            }
+        }
+        radius[parent] = radius[parent].max(offset + radius[body]);
+    }
+    let of = |dof: usize| {
+        let joint = model.dof_jntid()[dof] as usize;
+        let kind = model.jnt_type()[joint];
+        let slides = kind == JointKind::Slide.raw()
+            || kind == JointKind::Free.raw() && dof < model.jnt_dofadr()[joint] as usize + 3;
+        let body = model.dof_bodyid()[dof] as usize;
+        if radius[body] < 0.0 {
+            return (0.0, !slides);
+        }
+        if slides {
+            return (1.0, false);
+        }
+        (radius[body] + norm(&model.jnt_pos()[3 * joint..3 * joint + 3]), true)
+    };
+    (0..model.nv()).map(of).collect()
+}
