@@ -71,7 +71,11 @@ fn counted_steps(sim: &mut Simulation, grasps: &mut Grasps, steps: usize, call: 
     let mut counted = Counted { latched: 0, iterations: [0; 2] };
     for k in 1..=steps {
         let grasps = black_box(&mut *grasps);
-        if k % call == 0 { grasps.step(sim)? } else { grasps.substep(sim)? }
+        if k % call == 0 {
+            grasps.step(sim)?
+        } else {
+            grasps.substep(sim)?
+        }
         counted.latched +=
             usize::from(!grasps.is_empty() && grasps.iter().all(|grasp| grasp.phase() == Phase::Grasped));
         for status in grasps.iter().map(|grasp| grasp.solve_status()) {

@@ -13,6 +13,7 @@ fn sample(time: f64) -> Sample {
         time,
         position: Vector3::new(0.1, 0.2, 0.3),
         rotation: UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1),
+        frozen: false,
         grasped: false,
         quality: 0.5,
         touching: true,

@@ -3,6 +3,8 @@
 mod latched;
 mod saved;
 
+pub(super) use latched::Rows;
+
 use super::cones::coupled::CoupledConstraints;
 use super::cones::solve::{GraspSolver, SolveStatus};
 use super::contact::contacts::{ContactSet, GraspContact};

@@ -107,7 +107,6 @@ impl Grasps {
             self.frozen.slack = self.detector.slack();
         }
         let (angle, way) = self.frozen.motion(sim);
-        if std::env::var("FDBG").is_ok() { eprintln!("steps {} angle {angle:.2e} way {way:.2e} slack {:.2e}", self.frozen.steps, self.frozen.slack); }
         Ok(angle <= self.frozen.tolerance && 2.0 * way <= self.frozen.slack + LATE)
     }
 }
@@ -170,8 +169,7 @@ fn reach(model: &CompiledModel) -> Vec<(f64, bool)> {
     // of all that hangs on a body and can touch anything, about its origin; negative without such a thing
     let mut radius = vec![f64::NEG_INFINITY; model.nbody()];
     let paired = |geom: usize| model.pair_geom1().iter().chain(model.pair_geom2()).any(|&of| of as usize == geom);
-    let touches =
-        |geom: usize| model.geom_contype()[geom] | model.geom_conaffinity()[geom] != 0 || paired(geom);
+    let touches = |geom: usize| model.geom_contype()[geom] | model.geom_conaffinity()[geom] != 0 || paired(geom);
     for geom in (0..model.ngeom()).filter(|&geom| touches(geom)) {
         let body = model.geom_bodyid()[geom] as usize;
         radius[body] = radius[body].max(norm(&model.geom_pos()[3 * geom..3 * geom + 3]) + model.geom_rbound()[geom]);

@@ -4,7 +4,7 @@
 //! latched its contacts leave the engine's solve between the collision stage and the making of constraint rows; the grasp is
 //! solved once the smooth accelerations are known, and its forces take part in the engine's solve of everything else.
 
-use super::controller::Grasp;
+use super::controller::{Grasp, Rows};
 use super::error::Error;
 use super::grasps::Grasps;
 use super::monitor::phase::Phase;
@@ -179,20 +179,18 @@ impl Grasps {
     /// Solves the latched grasps with friction cones, those that move each other as one problem; returns how many of the
     /// engine's rows were solved with them.
     fn solve_cones(&mut self, sim: &Simulation) -> Result<usize, Error> {
-        if self.frozen.is_now() {
-            let latched = self.list.iter_mut().filter(|grasp| grasp.phase() == Phase::Grasped);
-            return latched.map(|grasp| {
-                grasp.resume_cones(sim, &mut self.force.generalised)?;
-                Ok(grasp.solved_rows())
-            }).sum();
-        }
+        let made_from = if self.frozen.is_now() {
+            self.list.iter_mut().for_each(Grasp::unsolve);
+            Rows::Frozen
+        } else {
+            Rows::Made { welds: self.weld_rows(sim) }
+        };
         let alone = self.latched().count() == 1;
-        let welds = self.weld_rows(sim);
         let mut rows = 0;
         for i in 0..self.list.len() {
             let Some((leader, others)) = self.list[i..].split_first_mut() else { break };
             if leader.awaits_solve() || alone && leader.is_cones() {
-                leader.solve_cones(sim, others, &welds, &mut self.force.generalised)?;
+                leader.solve_cones(sim, others, &made_from, &mut self.force.generalised)?;
                 rows += leader.solved_rows();
             } else {
                 leader.forget_coupled();

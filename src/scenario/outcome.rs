@@ -35,7 +35,7 @@ pub enum Outcome {
 pub struct Change {
     /// The first step in the new phase \[s\].
     pub time_s: f64,
-    /// As in trajectories: 0 ungrasped, 1 grasped.
+    /// 0 ungrasped, 1 grasped.
     pub phase: u8,
 }
 
@@ -52,7 +52,7 @@ pub struct Summary {
     /// latched. `None` in full
     /// mode, and when nothing touched.
     pub latched_share: Option<f64>,
-    /// Of the latched ones among them, those with hand and object stepped apart from the arm (phase 2): none yet. `None`
+    /// Of the latched ones among them, those that were made on frozen geometry (phase 2). `None`
     /// when none was latched.
     pub substructured_share: Option<f64>,
     /// Every latch and release, from the start of the run.
@@ -159,7 +159,8 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
     let touched = &window[..window.iter().rposition(|s| s.gripped).map_or(0, |last| last + 1)];
     let latched = touched.iter().filter(|s| s.grasped).count();
     summary.latched_share = (!touched.is_empty()).then(|| latched as f64 / touched.len() as f64);
-    summary.substructured_share = (latched > 0).then_some(0.0);
+    let frozen = touched.iter().filter(|s| s.frozen).count();
+    summary.substructured_share = (latched > 0).then(|| frozen as f64 / latched as f64);
     summary.outcome = Some(classify(lost, peak, offset));
     summary.peak_motion_m = Some(peak);
     summary.peak_rotation_rad =
@@ -173,11 +174,11 @@ pub fn summarize(trajectory: &Trajectory, measure_from: f64, pushed_until: Optio
     summary
 }
 
-/// Every change of the phase; a run starts ungrasped.
+/// Every latch and release; a run starts ungrasped.
 fn changes(samples: &[Sample]) -> Vec<Change> {
-    let mut phase = 0;
-    let changed = samples.iter().filter(|s| s.phase() != std::mem::replace(&mut phase, s.phase()));
-    changed.map(|s| Change { time_s: s.time, phase: s.phase() }).collect()
+    let mut grasped = false;
+    let changed = samples.iter().filter(|s| s.grasped != std::mem::replace(&mut grasped, s.grasped));
+    changed.map(|s| Change { time_s: s.time, phase: u8::from(s.grasped) }).collect()
 }
 
 /// Held, slid or lost, from the peak and the final offset \[m\].

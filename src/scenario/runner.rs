@@ -42,6 +42,8 @@ impl Mode {
 pub struct Runner {
     mode: Mode,
     sim: Simulation,
+    /// Shows the poses of a step on frozen geometry, which `sim` has not.
+    poses: Simulation,
     grasps: Grasps,
     trackers: Vec<Tracker>,
     schedule: Schedule,
@@ -109,6 +111,7 @@ impl Runner {
             total_steps: length::steps(plan) as u64,
             steps: 0,
             stop: plan.stop.clone(),
+            poses: sim.try_clone()?,
             sim,
         };
         runner.check_memory(plan, 1)?;
@@ -253,21 +256,28 @@ impl Runner {
         for (watch, grasp) in self.watches.iter_mut().zip(&self.grasps) {
             watch.begin(grasp);
         }
+        let frozen_before = self.grasps.frozen_steps();
+        self.poses.qpos_mut().copy_from_slice(self.sim.qpos());
         let clock = Instant::now();
         match self.mode {
             Mode::Full => self.sim.step()?,
-            Mode::Grasp => self.grasps.step(&mut self.sim)?,
+            Mode::Grasp => self.grasps.substep(&mut self.sim)?,
         }
         let step_ns = clock.elapsed().as_nanos() as u64;
         if self.mode == Mode::Full {
             self.grasps.monitor(&self.sim)?;
         }
         self.steps += 1;
-        let now = Now { time, step_ns, slipping: (time >= self.measure_from - half).then_some(self.timestep) };
+        let frozen = self.grasps.frozen_steps() > frozen_before;
+        if frozen {
+            self.poses.kinematics()?;
+        }
+        let poses = if frozen { &self.poses } else { &self.sim };
+        let now = Now { time, step_ns, slipping: (time >= self.measure_from - half).then_some(self.timestep), frozen };
         self.samples.clear();
         for (watch, grasp) in self.watches.iter_mut().zip(self.grasps.iter_mut()) {
             grasp.read_slip(&self.sim);
-            self.samples.push(watch.sample(&self.sim, grasp, &now));
+            self.samples.push(watch.sample(poses, grasp, &now));
         }
         let sample = self.samples[self.watched];
         self.settle();

@@ -53,9 +53,22 @@ mod tests {
             let time = f64::from(k) * 0.002;
             let position = Vector3::new(0.0, 0.0, height(time));
             let (rotation, grasped, quality, slip, step_ns) = (UnitQuaternion::identity(), false, 0.0, 0.0, 1000);
+            let frozen = false;
             let (touching, gripped, penetration) = (touching(time), touching(time), if k == 0 { depth } else { 0.0 });
             trajectory.push(
-                Sample { time, position, rotation, grasped, quality, touching, gripped, penetration, slip, step_ns },
+                Sample {
+                    time,
+                    position,
+                    rotation,
+                    grasped,
+                    frozen,
+                    quality,
+                    touching,
+                    gripped,
+                    penetration,
+                    slip,
+                    step_ns,
+                },
                 &[],
             );
         }

@@ -18,6 +18,8 @@ pub struct Sample {
     pub rotation: UnitQuaternion<f64>,
     /// Whether the grasp's constraint is in place.
     pub grasped: bool,
+    /// Grasped, and the step was made on frozen geometry.
+    pub frozen: bool,
     /// Grasp quality \[N\].
     pub quality: f64,
     /// Whether any geom of the palm or below it touches the target.
@@ -34,9 +36,9 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// The phase as a number: 0 ungrasped, 1 grasped.
+    /// The phase as a number: 0 ungrasped, 1 grasped, 2 grasped and on frozen geometry.
     pub fn phase(&self) -> u8 {
-        u8::from(self.grasped)
+        u8::from(self.grasped) + u8::from(self.frozen)
     }
 }
 

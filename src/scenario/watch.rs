@@ -31,6 +31,8 @@ pub(super) struct Now {
     pub step_ns: u64,
     /// Time step, once slip counts.
     pub slipping: Option<f64>,
+    /// The step was made on frozen geometry.
+    pub frozen: bool,
 }
 
 impl Watch {
@@ -56,9 +58,9 @@ impl Watch {
         self.grasped = grasp.phase() == Phase::Grasped;
     }
 
-    /// After it.
-    pub(super) fn sample(&mut self, sim: &Simulation, grasp: &Grasp, at: &Now) -> Sample {
-        let palm = pose(sim, self.palm);
+    /// After it; `poses` has those of the state that it began in.
+    pub(super) fn sample(&mut self, poses: &Simulation, grasp: &Grasp, at: &Now) -> Sample {
+        let palm = pose(poses, self.palm);
         self.normal_forces.fill(0.0);
         self.velocities.fill(Vector3::zeros());
         let (mut touching, mut gripped, mut penetration) = (false, false, 0.0_f64);
@@ -78,12 +80,13 @@ impl Watch {
                 *slip += velocity * step;
             }
         }
-        let target = palm.inv_mul(&pose(sim, self.target));
+        let target = palm.inv_mul(&pose(poses, self.target));
         Sample {
             time: at.time,
             position: target.translation.vector,
             rotation: target.rotation,
             grasped: self.grasped,
+            frozen: self.grasped && at.frozen,
             quality: grasp.quality(),
             touching,
             gripped,

@@ -6,6 +6,7 @@
 
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, pyramid_pairs};
+use crate::grasp::contact::softness::SolverOptions;
 use crate::mujoco::{Cone, Error, RowKind, RowState, Simulation};
 use std::ops::Range;
 
@@ -95,25 +96,32 @@ impl CoupledConstraints {
     }
 
     /// The same rows one step on frozen geometry later: their biases.
-    pub fn resume(&mut self, sim: &Simulation) {
+    pub fn resume(&mut self, sim: &Simulation, options: &SolverOptions) {
         let (nv, reference, acceleration) = (sim.model().nv(), sim.efc_aref(), sim.qacc_smooth());
-        for n in self.list.iter_mut().filter(|n| n.foreign().is_none()) {
+        let CoupledConstraints { list, jacobian, bias, foreign, .. } = self;
+        for n in list {
             n.solved = false;
-            for k in 0..n.rows {
-                let smooth = match n.jacobian {
-                    Jacobian::Single(dof, value) => value * acceleration[dof],
-                    Jacobian::Dense(row) => {
-                        crate::grasp::linalg::dot(&self.jacobian[(row + k) * nv..(row + k + 1) * nv], acceleration)
-                    }
-                };
-                self.bias[n.first + k] = smooth - n.reference(reference, k);
+            let bias = &mut bias[n.first..n.first + n.rows];
+            let rows = match n.jacobian {
+                Jacobian::Single(dof, value) => {
+                    bias[0] = value * acceleration[dof] - reference[n.row];
+                    continue;
+                }
+                Jacobian::Dense(first) => jacobian[first * nv..(first + n.rows) * nv].chunks_exact(nv),
+            };
+            if let Some(number) = n.foreign() {
+                foreign[number].resume_rows(options, rows, [sim.qvel(), acceleration], bias);
+                continue;
+            }
+            for (k, (bias, row)) in bias.iter_mut().zip(rows).enumerate() {
+                *bias = crate::grasp::linalg::dot(row, acceleration) - n.reference(reference, k);
             }
         }
     }
 
-    /// True if another grasp's contacts are solved together with this grasp's.
-    pub fn has_foreign(&self) -> bool {
-        self.foreign.iter().any(|contact| contact.solved)
+    /// The constraint that stands for foreign contact `number`.
+    pub fn of_foreign(&self, number: usize) -> &CoupledConstraint {
+        &self.list[self.list.len() - self.foreign.len() + number]
     }
 
     /// Forgets the last step's forces: this grasp has not solved its coupled in it, or was released.

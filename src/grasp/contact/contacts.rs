@@ -183,6 +183,7 @@ impl GraspContact {
     /// One step on: the surfaces have moved apart by so much \[m\], and the last step's forces are what is remembered.
     pub(in crate::grasp) fn resume(&mut self, apart: f64) {
         self.parameters.dist += apart;
+        self.solved = false;
         let mut friction = [0.0; 5];
         friction.copy_from_slice(&self.force_rows[1..]);
         let mut correction = friction;

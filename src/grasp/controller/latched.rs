@@ -14,6 +14,14 @@ use crate::mujoco::{Cone, Contact, EqualityId, Simulation};
 use nalgebra::Vector6;
 use std::ops::Range;
 
+/// Where the rows of a solve come from.
+pub(in crate::grasp) enum Rows {
+    /// They were made in this step; of the engine's, `welds` belong to merged grasps.
+    Made { welds: Range<usize> },
+    /// They are those of the last step.
+    Frozen,
+}
+
 impl Grasp {
     /// Hand and target.
     pub(in crate::grasp) fn topology(&self) -> &Topology {
@@ -109,22 +117,30 @@ impl Grasp {
     }
 
     /// Solves the grasp and adds its generalised force to `out`; and with it those of `others` that wait for a solve and
-    /// move with it. `welds`: the engine's rows that belong to merged grasps.
+    /// move with it.
     pub(in crate::grasp) fn solve_cones(
         &mut self,
         sim: &Simulation,
         others: &mut [Grasp],
-        welds: &Range<usize>,
+        rows: &Rows,
         out: &mut [f64],
     ) -> Result<(), Error> {
         let dynamics = dynamics(sim);
         let options = SolverOptions::of(sim.model());
-        self.coupled.read(sim, welds)?;
-        for other in others.iter().filter(|g| g.awaits_solve()) {
-            self.coupled.invite(&dynamics, &other.topology, &options, other.set.contacts());
-        }
         let contacts = self.set.contacts_mut();
-        self.status = self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.coupled);
+        self.status = match rows {
+            Rows::Made { welds } => {
+                self.coupled.read(sim, welds)?;
+                for other in others.iter().filter(|g| g.awaits_solve()) {
+                    self.coupled.invite(&dynamics, &other.topology, &options, other.set.contacts());
+                }
+                self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.coupled)
+            }
+            Rows::Frozen => {
+                self.coupled.resume(sim, &options);
+                self.solver.resume(&dynamics, &self.topology, &options, contacts, &mut self.coupled)
+            }
+        };
         self.check_forces(sim)?;
         self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
         self.coupled.add_foreign_forces(out);
@@ -135,24 +151,15 @@ impl Grasp {
         Ok(())
     }
 
-    /// As [`solve_cones`](Self::solve_cones), on the geometry of the last step that was not frozen.
-    pub(in crate::grasp) fn resume_cones(&mut self, sim: &Simulation, out: &mut [f64]) -> Result<(), Error> {
-        let dynamics = dynamics(sim);
-        let options = SolverOptions::of(sim.model());
-        self.coupled.resume(sim);
-        let contacts = self.set.contacts_mut();
-        self.status = self.solver.resume(&dynamics, &self.topology, &options, contacts, &mut self.coupled);
-        self.check_forces(sim)?;
-        self.solver.add_forces(&dynamics, &self.topology, self.set.contacts(), out);
-        Ok(())
+    /// Before a frozen step: all contacts are to be solved again.
+    pub(in crate::grasp) fn unsolve(&mut self) {
+        self.set.contacts_mut().iter_mut().for_each(|contact| contact.solved = false);
     }
 
     /// Whether the next solve can go on from this one where nothing but time has passed.
     pub(in crate::grasp) fn can_resume(&self) -> bool {
         match self.machine.phase() {
-            Phase::Grasped => {
-                self.is_cones() && !self.coupled.has_foreign() && self.set.contacts().iter().all(|c| c.solved)
-            }
+            Phase::Grasped => self.is_cones() && self.set.contacts().iter().all(|c| c.solved),
             Phase::Ungrasped => self.set.contacts().is_empty(),
         }
     }
@@ -176,8 +183,10 @@ impl Grasp {
     fn take_back<'a>(&mut self, foreign: &mut impl Iterator<Item = &'a GraspContact>, status: SolveStatus) {
         let mut solved = false;
         for (contact, foreign) in self.set.contacts_mut().iter_mut().zip(foreign) {
-            contact.clone_from(foreign);
-            solved |= foreign.solved;
+            if foreign.solved {
+                contact.clone_from(foreign);
+                solved = true;
+            }
         }
         if solved {
             self.status = status;

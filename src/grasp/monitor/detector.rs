@@ -43,7 +43,15 @@ impl Detector {
         let sets: Vec<_> =
             grasps.iter().map(|of| [geoms(&|body| of.in_hand(body)), geoms(&|body| of.in_target(body))]).collect();
         let direct = Self::direct(sim, &sets)?;
-        Ok(Detector { origin: sim.model().origin(), latched, sets, near: 0, direct, found: Vec::new(), replaced: false })
+        Ok(Detector {
+            origin: sim.model().origin(),
+            latched,
+            sets,
+            near: 0,
+            direct,
+            found: Vec::new(),
+            replaced: false,
+        })
     }
 
     fn direct(sim: &Simulation, sets: &[GeomSets]) -> Result<Option<(PairCollider, Clearance)>, Error> {

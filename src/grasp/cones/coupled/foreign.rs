@@ -94,3 +94,23 @@ impl CoupledConstraints {
         velocity
     }
 }
+
+impl GraspContact {
+    /// One step on frozen geometry later: `bias` of each of the contact's rows, from the rows and velocity and smooth
+    /// acceleration of each degree of freedom.
+    pub(super) fn resume_rows<'a>(
+        &mut self,
+        options: &SolverOptions,
+        rows: impl Iterator<Item = &'a [f64]> + Clone,
+        [velocity, acceleration]: [&[f64]; 2],
+        bias: &mut [f64],
+    ) {
+        let apart = rows.clone().next().map_or(0.0, |normal| linalg::dot(normal, velocity));
+        self.resume(options.timestep * apart);
+        let soft = softness(&self.parameters, options);
+        for (bias, row) in bias.iter_mut().zip(rows) {
+            *bias = linalg::dot(row, acceleration) + soft.damping * linalg::dot(row, velocity);
+        }
+        bias[0] += soft.spring;
+    }
+}

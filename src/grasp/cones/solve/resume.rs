@@ -31,8 +31,12 @@ impl GraspSolver {
                     self.arrow.bias_mut(block).copy_from_slice(&coupled.bias()[rows]);
                     self.arrow.recost(block, constraint.cost, constraint.active_sets[0], &constraint.main);
                 }
-                // a grasp with such a contact is not resumed
-                Member::Foreign(_) => {}
+                Member::Foreign(number) => {
+                    let constraint = coupled.of_foreign(number);
+                    let rows = constraint.first..constraint.first + constraint.rows;
+                    self.arrow.bias_mut(block).copy_from_slice(&coupled.bias()[rows]);
+                    self.recost_contact(block, &coupled.foreign()[number]);
+                }
             }
         }
         for (single, &i) in self.singles.iter().enumerate() {
@@ -61,7 +65,11 @@ impl GraspSolver {
         let bias = self.contact_bias(dynamics, topology, contact, &soft);
         let rows = contact.parameters.condim;
         self.arrow.bias_mut(block).copy_from_slice(&bias[..rows]);
-        // surfaces that have come apart are no contact
+        self.recost_contact(block, contact);
+    }
+
+    /// Back to the soft cost; surfaces that have come apart are no contact.
+    fn recost_contact(&mut self, block: usize, contact: &GraspContact) {
         if contact.parameters.dist < contact.parameters.margin {
             self.arrow.recost(block, self.soft[block], contact.active_sets[0], &contact.main);
         } else {
