@@ -15,7 +15,7 @@ use crate::mujoco::{CompiledModel, JointKind, Simulation, Stamp};
 /// Most frozen steps in a row.
 const MAX_STEPS: usize = 24;
 
-/// Angle by which anything may have turned in frozen steps \[rad\].
+/// Angle by which anything may turn between two whole steps, unless it is set otherwise \[rad\].
 pub const TOLERANCE: f64 = 1e-3;
 
 /// A contact may be found so much too late \[m\]: some hundredths of what surfaces usually sink into each other.
@@ -49,7 +49,7 @@ impl Default for Frozen {
             now: false,
             steps: 0,
             count: 0,
-            tolerance: std::env::var("FROZEN_TOL").ok().and_then(|x| x.parse().ok()).unwrap_or(TOLERANCE),
+            tolerance: TOLERANCE,
             travel: Vec::new(),
             reach: Vec::new(),
             motion: Vec::new(),
@@ -89,6 +89,17 @@ impl Grasps {
         if n > 0 { self.step(sim) } else { Ok(()) }
     }
 
+    /// Sets the angle by which anything may turn between two whole steps \[rad\]; with 0 every step is whole. What a frozen step
+    /// leaves out of lever arms and directions is about that share of the forces. What is negative or no number counts as 0.
+    pub fn set_frozen_tolerance(&mut self, angle: f64) {
+        self.frozen.tolerance = angle;
+    }
+
+    /// See [`set_frozen_tolerance`](Self::set_frozen_tolerance).
+    pub fn frozen_tolerance(&self) -> f64 {
+        self.frozen.tolerance
+    }
+
     /// Number of steps so far that were made on frozen geometry.
     pub fn frozen_steps(&self) -> u64 {
         self.frozen.count
@@ -96,7 +107,7 @@ impl Grasps {
 
     fn may_freeze(&mut self, sim: &Simulation) -> Result<bool, Error> {
         let frozen = &mut self.frozen;
-        if frozen.stamp != Some(sim.stamp()) || frozen.steps >= MAX_STEPS || frozen.tolerance <= 0.0 {
+        if frozen.stamp != Some(sim.stamp()) || frozen.steps >= MAX_STEPS {
             return Ok(false);
         }
         self.check_model(sim)?;
@@ -107,7 +118,7 @@ impl Grasps {
             self.frozen.slack = self.detector.slack();
         }
         let (angle, way) = self.frozen.motion(sim);
-        Ok(angle <= self.frozen.tolerance && 2.0 * way <= self.frozen.slack + LATE)
+        Ok(angle < self.frozen.tolerance && 2.0 * way <= self.frozen.slack + LATE)
     }
 }
 

@@ -23,6 +23,7 @@ pub use cones::solve::SolveStatus;
 pub use contact::contacts::GraspContact;
 pub use controller::Grasp;
 pub use error::Error;
+pub use frozen::TOLERANCE as FROZEN_TOLERANCE;
 pub use grasps::{GraspId, Grasps};
 pub use hand::search::find_hand;
 pub use monitor::phase::Phase;

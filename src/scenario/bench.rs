@@ -61,6 +61,7 @@ struct Variant {
     step_ns: Vec<f64>,
     contact_ns: Vec<f64>,
     unlatched: usize,
+    frozen: u64,
     name: Option<(String, bool)>,
 }
 
@@ -124,17 +125,18 @@ impl Bench<'_> {
             self.cheapest(0, push, load)?,
             self.cheapest(NOSLIP, push, load)?,
             self.engine_variant(Some(("the model's own".into(), true)))?,
-            Variant::new(self.sim.try_clone()?, Some((self.grasps.clone(), self.grasps.clone())), None),
+            self.grasp_variant(self.plan.frozen_tolerance)?,
+            self.grasp_variant(0.0)?,
             floor,
         ];
         let turns = self.steps.div_ceil(self.turn());
         self.take_turns(&mut variants, turns, load)?;
         let mut timings = variants.map(Variant::timing);
-        let floor_us = timings[4].step_us;
+        let floor_us = timings[5].step_us;
         for timing in &mut timings {
             timing.added_us = timing.step_us.zip(floor_us).map(|(step, floor)| step - floor);
         }
-        let [full, full_noslip, full_default, grasp, floor] = timings;
+        let [full, full_noslip, full_default, grasp, exact, floor] = timings;
         let over = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a / b).filter(|r| r.is_finite());
         let added = grasp.added_us.filter(|added| *added > 0.0);
         let cheapest = full.step_us.zip(full_default.step_us).map(|(a, b)| a.min(b));
@@ -148,13 +150,19 @@ impl Bench<'_> {
             added_noslip: over(full_noslip.added_us, added),
             step_over_floor: over(grasp.step_us, floor.step_us),
         };
-        let exact = grasp.clone();
         Ok(Phases { steps: turns * self.turn(), full, full_noslip, full_default, grasp, exact, floor, ratio })
     }
 
     /// Steps of one turn, whole calls.
     fn turn(&self) -> usize {
         ((TURN / self.plan.model.timestep()).round() as usize).max(1).next_multiple_of(self.substeps)
+    }
+
+    /// The grasps, from the saved state.
+    fn grasp_variant(&self, frozen_tolerance: f64) -> Result<Variant, Error> {
+        let mut grasps = self.grasps.clone();
+        grasps.set_frozen_tolerance(frozen_tolerance);
+        Ok(Variant::new(self.sim.try_clone()?, Some((grasps.clone(), grasps)), None))
     }
 
     /// MuJoCo's own solve on the model as it was loaded.
@@ -258,7 +266,7 @@ impl Load {
 
 impl Variant {
     fn new(sim: Simulation, grasps: Option<(Grasps, Grasps)>, name: Option<(String, bool)>) -> Self {
-        Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, name }
+        Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, frozen: 0, name }
     }
 
     /// One call of so many steps.
@@ -266,10 +274,17 @@ impl Variant {
         let mut clock = StageClock::default();
         let whole = self.is_whole();
         let start = Instant::now();
-        for _ in 0..steps {
+        let frozen_before = self.frozen_steps();
+        for k in 1..=steps {
             match &mut self.grasps {
                 Some((_, grasps)) => {
-                    grasps.step_timed(&mut self.sim, &mut clock)?;
+                    if !whole {
+                        grasps.step_timed(&mut self.sim, &mut clock)?;
+                    } else if k < steps {
+                        grasps.substep(&mut self.sim)?;
+                    } else {
+                        grasps.step(&mut self.sim)?;
+                    }
                     self.unlatched += usize::from(grasps.iter().any(|g| g.phase() != Phase::Grasped));
                 }
                 None if whole => self.sim.step()?,
@@ -277,15 +292,24 @@ impl Variant {
             }
         }
         self.step_ns.push(start.elapsed().as_nanos() as f64 / steps as f64);
+        self.frozen += self.frozen_steps() - frozen_before;
         if !whole {
             self.contact_ns.push(clock.contact.as_nanos() as f64 / steps as f64);
         }
         Ok(())
     }
 
-    /// Whether the step has parts that are not made in stages: islands and sleeping of the engine's own solve.
+    /// Whether the step has parts that are not made in stages: islands and sleeping of the engine's own solve; or is not made
+    /// in the same stages as others, on frozen geometry.
     fn is_whole(&self) -> bool {
-        self.grasps.is_none() && (self.sim.model().has_islands() || self.sim.model().has_sleeping())
+        match &self.grasps {
+            Some((_, grasps)) => grasps.frozen_tolerance() > 0.0,
+            None => self.sim.model().has_islands() || self.sim.model().has_sleeping(),
+        }
+    }
+
+    fn frozen_steps(&self) -> u64 {
+        self.grasps.as_ref().map_or(0, |(_, grasps)| grasps.frozen_steps())
     }
 
     fn kept_outcome(&self) -> bool {
@@ -306,7 +330,7 @@ impl Variant {
             solver,
             kept_outcome,
             unlatched_steps: self.grasps.as_ref().map(|_| self.unlatched),
-            substructured_steps: self.grasps.map(|_| 0),
+            substructured_steps: self.grasps.map(|_| self.frozen),
         }
     }
 }

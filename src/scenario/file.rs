@@ -25,6 +25,10 @@ pub struct ScenarioFile {
     /// Keyframe to start from; without it, the model's `qpos0` with controls 0.
     #[serde(default)]
     pub keyframe: Option<String>,
+    /// Angle by which anything may turn between two whole steps of a latched grasp \[rad\]; left out: 0.001, 0: every step is
+    /// whole.
+    #[serde(default)]
+    pub frozen_tolerance: Option<f64>,
     /// The grasps, one or more.
     #[serde(default)]
     pub grasp: Vec<GraspEntry>,
@@ -199,6 +203,7 @@ impl ScenarioFile {
             return Err(at("grasp").wrong("is missing; give at least one [[grasp]] with a target"));
         }
         self.check_timeline(path)?;
+        self.frozen_tolerance.map_or(Ok(()), |angle| non_negative(at("frozen_tolerance"), angle))?;
         for (i, grasp) in self.grasp.iter().enumerate() {
             grasp.check(path, i)?;
             if let Some(j) = self.grasp[..i].iter().position(|g| g.target == grasp.target && g.palm == grasp.palm) {

@@ -10,6 +10,7 @@ use super::error::{Error, Field};
 use super::file::{GoalEntry, GraspEntry, PushEntry, ScenarioFile, Timeline};
 use super::source::Source;
 use super::stop::Stop;
+use crate::grasp::FROZEN_TOLERANCE;
 use crate::grasp::{DEFAULT_LATCH_TIME, DEFAULT_RELEASE_TIME, GraspSpec, Limits, find_hand, weld_xml};
 use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 
@@ -28,6 +29,8 @@ pub struct Plan {
     pub timeline: Timeline,
     /// The grasps, in the order of the file, palms resolved.
     pub grasps: Vec<GraspSpec>,
+    /// See [`Grasps::set_frozen_tolerance`](crate::grasp::Grasps::set_frozen_tolerance) \[rad\].
+    pub frozen_tolerance: f64,
     /// Actuator targets.
     pub controls: Vec<Entry>,
     /// Fingertip goals.
@@ -153,10 +156,27 @@ impl Plan {
             .map(|(i, entry)| push(&model, path, i, entry, &grasps))
             .collect::<Result<Vec<_>, _>>()?;
         let (name, timeline) = (file.name.clone(), file.timeline);
+        let frozen_tolerance = file.frozen_tolerance.unwrap_or(FROZEN_TOLERANCE);
         let (file, stop) = (path.to_path_buf(), Stop::default());
-        let plan = Self { name, file, model, keyframe, timeline, grasps, controls, goals, pushes, stop };
+        let plan =
+            Self { name, file, model, keyframe, timeline, grasps, frozen_tolerance, controls, goals, pushes, stop };
         plan.check_timestep()?;
         Ok(plan)
+    }
+
+    /// The same plan with another frozen tolerance, if one is given \[rad\].
+    ///
+    /// # Errors
+    /// One that is negative or not finite.
+    pub fn with_frozen_tolerance(mut self, angle: Option<f64>) -> Result<Self, Error> {
+        if let Some(angle) = angle {
+            if !(angle.is_finite() && angle >= 0.0) {
+                let (option, value) = ("--frozen-tolerance", angle.to_string());
+                return Err(Error::Option { option, value, expected: "it must be an angle in radians, at least 0" });
+            }
+            self.frozen_tolerance = angle;
+        }
+        Ok(self)
     }
 
     /// The pushes that `--push` selects: `all` each by itself, `none` (or a scenario without pushes) the run without one.

@@ -83,6 +83,7 @@ impl Runner {
         sim.transmission()?;
         sim.velocity()?;
         let mut grasps = Grasps::new();
+        grasps.set_frozen_tolerance(plan.frozen_tolerance);
         let mut trackers = Vec::new();
         for (index, spec) in plan.grasps.iter().enumerate() {
             let id =

@@ -6,7 +6,6 @@ use std::process::ExitCode;
 use mujoco_grasp::mujoco;
 use mujoco_grasp::scenario::agree::{Ground, TRIALS_PER_ONSET};
 use mujoco_grasp::scenario::draw::directions;
-use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
 use serde::Serialize;
 
@@ -62,7 +61,7 @@ const FILES: [&str; 4] = ["agree-onsets.csv", "agree-trials.csv", "agree-peak.sv
 
 /// Random pushes in both modes.
 pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let mut plan = Plan::load_with(&args.scenario, args.overrides.limits())?;
+    let mut plan = args.overrides.load(&args.scenario)?;
     plan.stop = signals::stop();
     let ground = Ground::new(&plan, args.overrides.options())?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));

@@ -75,6 +75,7 @@ fn phases(title: &str, phases: &Phases) -> String {
         row("full, noslip 10", &phases.full_noslip),
         row("full, model's own", &phases.full_default),
         row("grasp", &phases.grasp),
+        row("grasp, every step whole", &phases.exact),
         row("floor", &phases.floor),
         ratio("cheaper full / grasp", r.step_default, None),
         ratio("full / grasp", r.step, r.contact),

@@ -57,12 +57,16 @@ pub struct Overrides {
     /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
     noslip: Option<u16>,
+    /// Angle by which anything may turn between two whole steps of a latched grasp [rad], instead of the scenario's; 0: every
+    /// step is whole.
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    frozen_tolerance: Option<f64>,
 }
 
 impl Overrides {
-    /// Bounds of every grasp.
-    pub fn limits(&self) -> Option<Limits> {
-        self.limits.map(LimitsArg::limits)
+    /// The scenario's plan.
+    pub fn load(&self, scenario: &str) -> Result<Plan, Error> {
+        Plan::load_with(scenario, self.limits.map(LimitsArg::limits))?.with_frozen_tolerance(self.frozen_tolerance)
     }
 
     /// Options of the runs.
@@ -113,8 +117,7 @@ impl LimitsArg {
 /// Simulates, compares, and writes what came of it.
 pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let options = args.overrides.options();
-    let limits = args.overrides.limits();
-    let mut plan = Plan::load_with(&args.scenario, limits)?.scale_pushes(args.scale_push)?;
+    let mut plan = args.overrides.load(&args.scenario)?.scale_pushes(args.scale_push)?;
     plan.stop = signals::stop();
     if let Some(duration) = args.duration {
         plan = plan.lasting(duration)?;

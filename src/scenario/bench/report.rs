@@ -36,7 +36,7 @@ pub struct Phases {
     pub full_default: Timing,
     /// The grasp controller.
     pub grasp: Timing,
-    /// The grasp controller with hand and object stepped with the arm, as they always are: `grasp` again.
+    /// The grasp controller with every step whole.
     pub exact: Timing,
     /// No contacts at all.
     pub floor: Timing,
@@ -50,7 +50,8 @@ pub struct Timing {
     /// Whole step \[us\].
     pub step_us: Option<f64>,
     /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\]; `None` in the engine's
-    /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages.
+    /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages, and on frozen
+    /// geometry, where stages are left out.
     pub contact_us: Option<f64>,
     /// What the step costs more than the floor's \[us\].
     pub added_us: Option<f64>,
@@ -63,9 +64,9 @@ pub struct Timing {
     /// Steps after which the grasp was not latched, which cost what contacts cost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlatched_steps: Option<usize>,
-    /// Steps in which hand and object were stepped apart from the arm: none.
+    /// Steps that were made on frozen geometry.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub substructured_steps: Option<usize>,
+    pub substructured_steps: Option<u64>,
 }
 
 /// Ratios of medians.
