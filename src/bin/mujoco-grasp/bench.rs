@@ -24,11 +24,16 @@ pub struct Args {
     /// Bounds every grasp in this way, whatever the scenario says.
     #[arg(long, value_enum)]
     limits: Option<LimitsArg>,
+    /// Angle by which anything may turn between two whole steps of a latched grasp [rad], instead of the scenario's; 0: every
+    /// step is whole.
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    frozen_tolerance: Option<f64>,
 }
 
 /// Times the holding phase.
 pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
-    let mut plan = Plan::load_with(&args.scenario, args.limits.map(LimitsArg::limits))?;
+    let plan = Plan::load_with(&args.scenario, args.limits.map(LimitsArg::limits))?;
+    let mut plan = plan.with_frozen_tolerance(args.frozen_tolerance)?;
     plan.stop = signals::stop();
     let progress = Progress::new(PARTS, "timing");
     let report = measure(&plan, args.steps as usize, args.substeps as usize, &|n| progress.advance(n));
