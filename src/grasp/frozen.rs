@@ -3,13 +3,16 @@
 //!
 //! A frozen step keeps poses, inertia, contact points and constraint Jacobians of the last whole step. Distances and lengths
 //! move on linearly, and everything that does not follow from positions is computed as in a whole step: velocities,
-//! actuators, springs, limits, the contacts' cones in both passes. So the grasp sticks, slides, opens and gives way as ever; what
-//! is left out is how lever arms and directions turn, which is of the order of the angle by which anything has turned
-//! since. When that passes a tolerance, or anything else may have come near, the next step is a whole one.
+//! actuators, springs, limits, the contacts' cones in both passes. So the grasp sticks, slides, opens and gives way as ever.
+//! What is left out is how lever arms turn under the contact forces; of that the part that is steady from one whole step to
+//! the next is added ([`Turn`]), so that what is left is of second order. When anything has turned by more than a tolerance,
+//! has slid as far, or may have come near something else, the next step is a whole one.
 
 use super::Grasps;
 use super::controller::Grasp;
 use super::error::Error;
+use super::linalg::axpy;
+use super::monitor::phase::Phase;
 use crate::mujoco::{CompiledModel, JointKind, Simulation, Stamp};
 
 /// Most frozen steps in a row.
@@ -17,6 +20,9 @@ const MAX_STEPS: usize = 24;
 
 /// Angle by which anything may turn between two whole steps, unless it is set otherwise \[rad\].
 pub const TOLERANCE: f64 = 1e-3;
+
+/// Where a contact slides, it may come as far as this lever times the tolerance between two whole steps \[m\].
+const LEVER: f64 = 0.01;
 
 /// A contact may be found so much too late \[m\]: some hundredths of what surfaces usually sink into each other.
 const LATE: f64 = 2e-5;
@@ -34,12 +40,27 @@ pub(super) struct Frozen {
     tolerance: f64,
     /// By degree of freedom: how far it has come since the last whole step \[rad or m\].
     travel: Vec<f64>,
-    /// How far a point of what it carries moves by it \[m/rad or m/m\], and whether it turns.
+    /// How far contacts have slid since then \[m\].
+    slip: f64,
+    /// How far anything may move until something else may touch \[m\].
+    slack: f64,
+    /// By degree of freedom: how far a point of what it carries moves by it \[m/rad or m/m\], and whether it turns.
     reach: Vec<(f64, bool)>,
     /// By degree of freedom: angle and way of what it carries.
     motion: Vec<(f64, f64)>,
-    /// How far anything may move until something else may touch \[m\].
-    slack: f64,
+    turn: Turn,
+}
+
+/// How contact forces change with the geometry: `(J_k - J_{k-1})' f / steps` between the last two whole steps, `f` being the
+/// contacts' forces in the last step.
+#[derive(Clone, Debug, Default)]
+struct Turn {
+    /// Change of the generalised force in one step; empty while it is not known.
+    rate: Vec<f64>,
+    /// Anybody has asked for frozen steps.
+    wanted: bool,
+    /// The present whole step goes on from where these grasps' last step has ended.
+    continues: bool,
 }
 
 impl Default for Frozen {
@@ -51,9 +72,11 @@ impl Default for Frozen {
             count: 0,
             tolerance: TOLERANCE,
             travel: Vec::new(),
+            slip: 0.0,
+            slack: 0.0,
             reach: Vec::new(),
             motion: Vec::new(),
-            slack: 0.0,
+            turn: Turn::default(),
         }
     }
 }
@@ -105,20 +128,46 @@ impl Grasps {
         self.frozen.count
     }
 
+    /// In a whole step, before its solve: how the contact forces of the last step turn with the geometry.
+    pub(super) fn measure_turn(&mut self, sim: &Simulation) {
+        let Frozen { turn, steps, now, .. } = &mut self.frozen;
+        if *now {
+            return;
+        }
+        turn.rate.clear();
+        if !turn.continues || self.force.generalised.len() != sim.model().nv() {
+            return;
+        }
+        turn.rate.resize(sim.model().nv(), 0.0);
+        let mut latched = self.list.iter().filter(|grasp| grasp.phase() == Phase::Grasped);
+        if latched.all(|grasp| grasp.is_cones() && grasp.add_last_forces(sim, &mut turn.rate)) {
+            let elapsed = (*steps + 1) as f64;
+            turn.rate.iter_mut().zip(&self.force.generalised).for_each(|(new, old)| *new = (*new - old) / elapsed);
+        } else {
+            turn.rate.clear();
+        }
+    }
+
+    /// Whether the next step may be a frozen one.
     fn may_freeze(&mut self, sim: &Simulation) -> Result<bool, Error> {
-        let frozen = &mut self.frozen;
-        if frozen.stamp != Some(sim.stamp()) || frozen.steps >= MAX_STEPS {
-            return Ok(false);
-        }
         self.check_model(sim)?;
-        if self.latched().next().is_none() || !self.list.iter().all(Grasp::can_resume) {
+        self.frozen.turn.wanted = true;
+        let continues = self.frozen.stamp == Some(sim.stamp()) && self.frozen.steps < MAX_STEPS;
+        if !continues
+            || self.settings.is_some()
+            || self.latched().next().is_none()
+            || !self.list.iter().all(Grasp::can_resume)
+        {
             return Ok(false);
         }
-        if self.frozen.steps == 0 {
-            self.frozen.slack = self.detector.slack();
+        let speed = self.list.iter().map(|grasp| grasp.slip_speed(sim)).fold(0.0, f64::max);
+        let frozen = &mut self.frozen;
+        if frozen.steps == 0 {
+            frozen.slack = self.detector.slack();
         }
-        let (angle, way) = self.frozen.motion(sim);
-        Ok(angle < self.frozen.tolerance && 2.0 * way <= self.frozen.slack + LATE)
+        frozen.slip += sim.model().timestep() * speed;
+        let (angle, way) = frozen.motion(sim);
+        Ok(angle < frozen.tolerance && frozen.slip < LEVER * frozen.tolerance && 2.0 * way <= frozen.slack + LATE)
     }
 }
 
@@ -128,9 +177,22 @@ impl Frozen {
         self.now
     }
 
+    /// Before a whole step.
+    pub fn begin(&mut self, sim: &Simulation) {
+        self.turn.continues = self.turn.wanted && self.stamp == Some(sim.stamp());
+    }
+
+    /// In a frozen step: how the contact forces have turned since the last whole one joins the passive forces.
+    pub fn add_turn(&self, sim: &mut Simulation) {
+        if !self.turn.rate.is_empty() {
+            axpy((self.steps + 1) as f64, &self.turn.rate, sim.qfrc_passive_mut());
+        }
+    }
+
     /// After a whole step.
     pub fn refresh(&mut self, sim: &Simulation) {
         self.steps = 0;
+        self.slip = 0.0;
         self.stamp = Some(sim.stamp());
         self.travel.clear();
         self.travel.extend(sim.qvel().iter().map(|v| v * sim.model().timestep()));

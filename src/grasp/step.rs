@@ -24,6 +24,7 @@ impl Grasps {
     pub fn step(&mut self, sim: &mut Simulation) -> Result<(), Error> {
         self.check_model(sim)?;
         self.adapt_settings(sim)?;
+        self.frozen.begin(sim);
         sim.step_with(self)?;
         self.frozen.refresh(sim);
         Ok(())
@@ -38,6 +39,8 @@ impl Grasps {
     pub fn step_timed(&mut self, sim: &mut Simulation, clock: &mut StageClock) -> Result<(), Error> {
         self.check_model(sim)?;
         clock.time(|| self.adapt_settings(sim))?;
+        self.frozen.forget();
+        self.frozen.begin(sim);
         sim.step_with(&mut Timed { hooks: self, clock })
     }
 }
@@ -78,12 +81,17 @@ impl Hooks for Grasps {
         if self.may_be_complete() { Ok(()) } else { Ok(sim.project_constraint()?) }
     }
 
+    fn velocity(&mut self, sim: &mut Simulation) {
+        self.frozen.add_turn(sim);
+    }
+
     /// The grasp forces join the smooth forces for the engine's solve and are counted as constraint forces after it, as
     /// the contacts that they stand for would be.
     fn constraint(&mut self, sim: &mut Simulation) -> Result<(), Error> {
         if self.latched().next().is_none() {
             return Ok(sim.constraint()?);
         }
+        self.measure_turn(sim);
         self.force.clear(sim.model().nv());
         let merged = self.list.iter().any(Grasp::is_merged);
         if merged {
@@ -109,7 +117,11 @@ impl Hooks for Grasps {
                 for grasp in &self.list {
                     grasp.write_row_forces(sim);
                 }
-                sim.impose_constraint_forces(&self.force.generalised)?;
+                if self.frozen.is_now() {
+                    sim.impose_forces_to_integrate(&self.force.generalised)?;
+                } else {
+                    sim.impose_constraint_forces(&self.force.generalised)?;
+                }
             }
         }
         for grasp in self.list.iter_mut().filter(|g| g.is_merged()) {

@@ -40,6 +40,7 @@ impl Simulation {
         self.velocity()?;
         self.advance_lengths()?;
         self.advance_rows()?;
+        hooks.velocity(self);
         self.actuation()?;
         self.acceleration()?;
         hooks.constraint(self)?;

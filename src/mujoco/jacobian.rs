@@ -4,6 +4,7 @@ use super::compat;
 use super::error::{Error, check_index, check_length};
 use super::ffi;
 use super::ids::{BodyId, GeomId, Id, SiteId};
+use super::kinds::Integrator;
 use super::simulation::Simulation;
 use nalgebra::{DMatrix, Vector3, Vector6};
 
@@ -136,6 +137,22 @@ impl Simulation {
     /// Ends a solve whose row forces (`efc_force`) are given, in the place of [`constraint`](Self::constraint): with
     /// `extra` (nv), generalized forces of constraints that have no rows, they make qfrc_constraint and qacc.
     pub fn impose_constraint_forces(&mut self, extra: &[f64]) -> Result<(), Error> {
+        self.impose_forces(extra, true)
+    }
+
+    /// As [`impose_constraint_forces`](Self::impose_constraint_forces); qacc only where the integrator reads it.
+    pub(crate) fn impose_forces_to_integrate(&mut self, extra: &[f64]) -> Result<(), Error> {
+        self.impose_forces(extra, !self.integrates_forces())
+    }
+
+    /// Whether the integrator takes forces, and makes accelerations of its own of them: implicit, or Euler with damping.
+    fn integrates_forces(&self) -> bool {
+        let model = self.model();
+        let explicit = compat::EULER_DAMPING.is_some_and(|flag| model.disable_flags() & flag != 0);
+        model.integrator() != Integrator::Euler || !explicit && model.dof_damping().iter().any(|&d| d > 0.0)
+    }
+
+    fn impose_forces(&mut self, extra: &[f64], accelerate: bool) -> Result<(), Error> {
         check_length("the generalized force", self.model().nv(), extra.len())?;
         let data = self.data();
         let (total, acceleration, smooth, warm) =
@@ -151,6 +168,9 @@ impl Simulation {
             }
             for (i, extra) in extra.iter().enumerate() {
                 *total.add(i) += extra;
+            }
+            if !accelerate {
+                return;
             }
             ffi::mj_solveM(m, d, acceleration, total, 1);
             for i in 0..nv {

@@ -263,6 +263,9 @@ pub(crate) trait Hooks {
         Ok(sim.project_constraint()?)
     }
 
+    /// In a frozen step: velocities and passive forces are known, and what else there is may be added to them.
+    fn velocity(&mut self, _: &mut Simulation) {}
+
     /// The solve, from smooth to constrained accelerations.
     fn constraint(&mut self, sim: &mut Simulation) -> Result<(), Self::Error> {
         Ok(sim.constraint()?)

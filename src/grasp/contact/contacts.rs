@@ -122,6 +122,14 @@ impl GraspContact {
         self.torque = torque;
     }
 
+    /// Tangential velocity of the target relative to the link, from the bodies' present velocities \[m/s\].
+    fn slip(&self, sim: &Simulation) -> Vector3<f64> {
+        let velocity =
+            point_velocity(sim, self.target, &self.position) - point_velocity(sim, self.link, &self.position);
+        let n = &self.axes[0];
+        velocity - n * n.dot(&velocity)
+    }
+
     /// World force and torque from the rows' forces.
     pub fn update_force(&mut self) {
         let [n, t1, t2] = &self.axes;
@@ -190,6 +198,16 @@ impl GraspContact {
         correction.iter_mut().zip(&self.main[1..]).for_each(|(correction, main)| *correction -= main);
         let (main, active_sets) = (self.main, self.active_sets);
         self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets });
+    }
+
+    /// The same contact with the last step's forces; `None` for a new one.
+    pub(in crate::grasp) fn with_last_forces(&self) -> Option<GraspContact> {
+        let memory = self.warm_start()?;
+        let mut contact = self.clone();
+        contact.force_rows[0] = memory.main[0];
+        contact.force_rows[1..].copy_from_slice(&memory.friction);
+        contact.update_force();
+        Some(contact)
     }
 
     /// The wrench of this contact on the target, `[torque about point; force]`.
@@ -351,6 +369,15 @@ impl ContactSet {
         self.restored = true;
     }
 
+    /// Whether these are the contacts of the last step, each moved by less than `reach` \[m\].
+    pub(in crate::grasp) fn are_those_of_before(&self, reach: f64) -> bool {
+        self.now.len() == self.before.len()
+            && self.now.iter().all(|c| {
+                c.warm_start().is_some()
+                    && self.before.iter().any(|b| b.geoms == c.geoms && (b.position - c.position).norm() < reach)
+            })
+    }
+
     /// Reads the forces that the engine's own solve gave these contacts.
     pub fn read_forces(&mut self, sim: &Simulation) -> Result<(), crate::mujoco::Error> {
         for contact in &mut self.now {
@@ -364,11 +391,14 @@ impl ContactSet {
     /// Relative velocities at the contact points, from the bodies' velocities of this step.
     pub fn read_slip(&mut self, sim: &Simulation) {
         for contact in &mut self.now {
-            let velocity = point_velocity(sim, contact.target, &contact.position)
-                - point_velocity(sim, contact.link, &contact.position);
-            let n = &contact.axes[0];
-            contact.slip_velocity = velocity - n * n.dot(&velocity);
+            contact.slip_velocity = contact.slip(sim);
         }
+    }
+
+    /// The fastest slip of the contacts whose friction is at its limit, from the bodies' present velocities \[m/s\].
+    pub(in crate::grasp) fn slip_speed(&self, sim: &Simulation) -> f64 {
+        let sliding = self.now.iter().filter(|contact| contact.is_sliding());
+        sliding.map(|contact| contact.slip(sim).norm()).fold(0.0, f64::max)
     }
 
     /// The contacts of this step.

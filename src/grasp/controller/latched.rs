@@ -14,6 +14,9 @@ use crate::mujoco::{Cone, Contact, EqualityId, Simulation};
 use nalgebra::Vector6;
 use std::ops::Range;
 
+/// A contact that moves as far in a step has jumped \[m\].
+const JUMP: f64 = 1e-3;
+
 /// Where the rows of a solve come from.
 pub(in crate::grasp) enum Rows {
     /// They were made in this step; of the engine's, `welds` belong to merged grasps.
@@ -149,6 +152,27 @@ impl Grasp {
             other.take_back(&mut foreign, self.status);
         }
         Ok(())
+    }
+
+    /// Adds the generalised forces that the last step's contact forces have on the present geometry to `out`; false if these
+    /// are other contacts, or have jumped.
+    pub(in crate::grasp) fn add_last_forces(&self, sim: &Simulation, out: &mut [f64]) -> bool {
+        let dynamics = dynamics(sim);
+        for contact in self.set.contacts().iter().filter_map(GraspContact::with_last_forces) {
+            for (body, sign) in [(contact.target, 1.0), (contact.link, -1.0)] {
+                let wrench = sign * contact.wrench_about(&dynamics.reference_point(body));
+                let leaf = self.topology.leaf(body);
+                for dof in leaf.into_iter().flat_map(|leaf| dynamics.with_ancestors(leaf)) {
+                    out[dof] += dynamics.axis(dof).dot(&wrench);
+                }
+            }
+        }
+        self.set.are_those_of_before(JUMP)
+    }
+
+    /// How fast the contacts slide whose friction is at its limit, in the last step \[m/s\].
+    pub(in crate::grasp) fn slip_speed(&self, sim: &Simulation) -> f64 {
+        self.set.slip_speed(sim)
     }
 
     /// Before a frozen step: all contacts are to be solved again.

@@ -30,6 +30,9 @@ pub(in crate::mujoco) mod later {
 pub(in crate::mujoco) const ISLAND: Option<u32> = None;
 pub(in crate::mujoco) const SLEEP: Option<u32> = None;
 
+/// The disable flag of Euler's implicit damping: this version always has it.
+pub(in crate::mujoco) const EULER_DAMPING: Option<u32> = None;
+
 /// Whether the engine has an integrator, of those that the crate knows.
 pub(in crate::mujoco) fn has_integrator(number: i32) -> bool {
     number != later::mjINT_IMPLICITFAST as i32

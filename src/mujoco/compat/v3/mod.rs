@@ -37,6 +37,9 @@ pub(in crate::mujoco) const SLEEP: Option<u32> = Some(ffi::mjENBL_SLEEP);
 #[cfg(not(mj_sleep))]
 pub(in crate::mujoco) const SLEEP: Option<u32> = None;
 
+/// The disable flag of Euler's implicit damping.
+pub(in crate::mujoco) const EULER_DAMPING: Option<u32> = Some(ffi::mjDSBL_EULERDAMP);
+
 /// Whether the engine has an integrator, of those that the crate knows.
 pub(in crate::mujoco) fn has_integrator(_number: i32) -> bool {
     true
