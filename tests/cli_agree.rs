@@ -106,7 +106,9 @@ fn the_fields_of_the_reference(json: &Value) {
     // The claw is latched before the push, and stays so in most trials.
     assert_eq!(json["vacuous_trials"], 0);
     assert!(number(&json["latched_share"]["median"]) > 0.9 && number(&json["latched_share"]["p10"]) > 0.0, "{json}");
-    assert_eq!((&json["substructured_share"]["median"], &json["noslip_iterations"]), (&0.0.into(), &50.into()));
+    let frozen = number(&json["substructured_share"]["median"]);
+    assert!(frozen > 0.3 && frozen < 1.0, "{frozen}");
+    assert_eq!(json["noslip_iterations"], 50);
     let chaotic = disagreements.iter().filter(|d| d["chaotic"] == true).count();
     assert_eq!(json["chaotic_trials"], chaotic);
     let held = &json["held"];
@@ -183,7 +185,8 @@ fn an_onset_is_where_holding_ends(json: &Value) {
 #[test]
 fn a_push_from_a_saved_state_is_that_of_a_whole_run() {
     for scenario in ["claw.toml", "claw_goals.toml"] {
-        let plan = Plan::load(&data(scenario)).unwrap();
+        // what geometry is frozen is no part of a saved state
+        let plan = Plan::load(&data(scenario)).unwrap().with_frozen_tolerance(Some(0.0)).unwrap();
         let push = &plan.pushes[0];
         for mode in [Mode::Full, Mode::Grasp] {
             let saved = Checkpoint::new(&plan, mode, push, Options::default()).unwrap();

@@ -19,7 +19,7 @@ use super::spec::{GraspSpec, Limits, check_softness, palm_of, thresholds, weight
 use super::state::Identity;
 use super::weld::rows;
 use super::weld::solve::MergedSolver;
-use crate::mujoco::{BodyId, EqualityId, Integrator, Simulation};
+use crate::mujoco::{BodyId, EqualityId, Integrator, Simulation, Stamp};
 use nalgebra::Vector3;
 
 /// Controller and monitor of one grasp; see [`Grasps`](super::Grasps).
@@ -42,6 +42,8 @@ pub struct Grasp {
     status: SolveStatus,
     live: Vec<LoadedContact>,
     identity: Identity,
+    /// After the last step; `None` if anything was done to it since.
+    stamp: Option<Stamp>,
 }
 
 impl Grasp {
@@ -125,6 +127,7 @@ impl Grasp {
             status: SolveStatus::default(),
             topology,
             live: Vec::new(),
+            stamp: None,
         })
     }
 
@@ -186,6 +189,7 @@ impl Grasp {
 
     /// What the solver remembers of the last step means nothing in a later latch.
     fn forget(&mut self) {
+        self.stamp = None;
         self.solver.reset();
         self.coupled.forget();
     }

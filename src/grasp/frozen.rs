@@ -8,6 +8,9 @@
 //! the next is added ([`Turn`]), so that what is left is of second order. When anything has turned by more than a tolerance,
 //! has slid as far, or may have come near something else, the next step is a whole one.
 
+// A motion that is not a number must count as too far: `!(a < b)` says that, `a >= b` does not.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 use super::Grasps;
 use super::controller::Grasp;
 use super::error::Error;
@@ -37,6 +40,8 @@ pub(super) struct Frozen {
     /// Frozen steps since the last whole one, and ever.
     steps: usize,
     count: u64,
+    /// Whole steps by their [`Obstacle`].
+    whole: [u64; Obstacle::NAMES.len()],
     tolerance: f64,
     /// By degree of freedom: how far it has come since the last whole step \[rad or m\].
     travel: Vec<f64>,
@@ -70,6 +75,7 @@ impl Default for Frozen {
             now: false,
             steps: 0,
             count: 0,
+            whole: [0; Obstacle::NAMES.len()],
             tolerance: TOLERANCE,
             travel: Vec::new(),
             slip: 0.0,
@@ -88,14 +94,22 @@ impl Grasps {
     /// # Errors
     /// As [`step`](Self::step).
     pub fn substep(&mut self, sim: &mut Simulation) -> Result<(), Error> {
-        if !self.may_freeze(sim)? {
+        self.check_model(sim)?;
+        if self.latched().next().is_none() {
+            return self.step(sim);
+        }
+        if let Some(obstacle) = self.obstacle(sim) {
+            self.frozen.whole[obstacle as usize] += 1;
             return self.step(sim);
         }
         self.frozen.now = true;
         let made = sim.step_frozen(self);
         self.frozen.now = false;
         match made {
-            Ok(()) => self.frozen.advance(sim),
+            Ok(()) => {
+                self.frozen.advance(sim);
+                self.list.iter_mut().for_each(|grasp| grasp.remember(sim.stamp()));
+            }
             Err(_) => self.frozen.forget(),
         }
         made
@@ -128,6 +142,14 @@ impl Grasps {
         self.frozen.count
     }
 
+    /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (a grasp
+    /// with limits "box" or "rigid"), "changed" (it has just latched, or something was changed from outside), "refresh" (after
+    /// 24 frozen ones), "jumped" (contacts are new, or have jumped), "turned" and "slid" (further than the tolerance), "near"
+    /// (something else may touch something).
+    pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        Obstacle::NAMES.into_iter().zip(self.frozen.whole).filter(|(_, count)| *count > 0)
+    }
+
     /// In a whole step, before its solve: how the contact forces of the last step turn with the geometry.
     pub(super) fn measure_turn(&mut self, sim: &Simulation) {
         let Frozen { turn, steps, now, .. } = &mut self.frozen;
@@ -148,17 +170,21 @@ impl Grasps {
         }
     }
 
-    /// Whether the next step may be a frozen one.
-    fn may_freeze(&mut self, sim: &Simulation) -> Result<bool, Error> {
-        self.check_model(sim)?;
+    /// Why the next step has to be a whole one, if it has.
+    fn obstacle(&mut self, sim: &Simulation) -> Option<Obstacle> {
         self.frozen.turn.wanted = true;
-        let continues = self.frozen.stamp == Some(sim.stamp()) && self.frozen.steps < MAX_STEPS;
-        if !continues
-            || self.settings.is_some()
-            || self.latched().next().is_none()
-            || !self.list.iter().all(Grasp::can_resume)
-        {
-            return Ok(false);
+        if !self.latched().all(Grasp::is_cones) || self.settings.is_some() {
+            return Some(Obstacle::Merged);
+        }
+        let resumes = |grasp: &Grasp| grasp.can_resume(sim.stamp());
+        if self.frozen.stamp != Some(sim.stamp()) || !self.list.iter().all(resumes) {
+            return Some(Obstacle::Changed);
+        }
+        if self.frozen.steps >= MAX_STEPS {
+            return Some(Obstacle::Refresh);
+        }
+        if self.frozen.turn.rate.is_empty() {
+            return Some(Obstacle::Jumped);
         }
         let speed = self.list.iter().map(|grasp| grasp.slip_speed(sim)).fold(0.0, f64::max);
         let frozen = &mut self.frozen;
@@ -167,8 +193,33 @@ impl Grasps {
         }
         frozen.slip += sim.model().timestep() * speed;
         let (angle, way) = frozen.motion(sim);
-        Ok(angle < frozen.tolerance && frozen.slip < LEVER * frozen.tolerance && 2.0 * way <= frozen.slack + LATE)
+        // written so that what is no number is an obstacle
+        if !(angle < frozen.tolerance) {
+            Some(Obstacle::Turned)
+        } else if !(frozen.slip < LEVER * frozen.tolerance) {
+            Some(Obstacle::Slid)
+        } else if !(2.0 * way <= frozen.slack + LATE) {
+            Some(Obstacle::Near)
+        } else {
+            None
+        }
     }
+}
+
+/// Why a step of a latched grasp is made whole although only the state is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Obstacle {
+    Merged,
+    Changed,
+    Refresh,
+    Jumped,
+    Turned,
+    Slid,
+    Near,
+}
+
+impl Obstacle {
+    const NAMES: [&'static str; 7] = ["merged", "changed", "refresh", "jumped", "turned", "slid", "near"];
 }
 
 impl Frozen {

@@ -12,7 +12,8 @@ use crate::mujoco::{EngineStages, Hooks, Simulation};
 use std::time::{Duration, Instant};
 
 impl Grasps {
-    /// Advances `sim` by one step: MuJoCo's step, with the contacts of each latched grasp replaced.
+    /// Advances `sim` by one step: MuJoCo's step, with the contacts of each latched grasp replaced. Where only the state is
+    /// wanted after most steps, [`steps`](Self::steps) is several times quicker.
     ///
     /// While nothing is latched this is [`Simulation::step`] bit for bit. A step with a latched grasp has no islands and lets
     /// nothing sleep (MuJoCo 3): what sleeps is woken. The model keeps its flags.
@@ -27,6 +28,7 @@ impl Grasps {
         self.frozen.begin(sim);
         sim.step_with(self)?;
         self.frozen.refresh(sim);
+        self.list.iter_mut().for_each(|grasp| grasp.remember(sim.stamp()));
         Ok(())
     }
 

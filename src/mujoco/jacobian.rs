@@ -145,11 +145,11 @@ impl Simulation {
         self.impose_forces(extra, !self.integrates_forces())
     }
 
-    /// Whether the integrator takes forces, and makes accelerations of its own of them: implicit, or Euler with damping.
+    /// Whether the integrator takes forces, and makes accelerations of its own of them: Euler with damping does.
     fn integrates_forces(&self) -> bool {
         let model = self.model();
         let explicit = compat::EULER_DAMPING.is_some_and(|flag| model.disable_flags() & flag != 0);
-        model.integrator() != Integrator::Euler || !explicit && model.dof_damping().iter().any(|&d| d > 0.0)
+        model.integrator() == Integrator::Euler && !explicit && model.dof_damping().iter().any(|&d| d > 0.0)
     }
 
     fn impose_forces(&mut self, extra: &[f64], accelerate: bool) -> Result<(), Error> {

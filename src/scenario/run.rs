@@ -1,5 +1,6 @@
 //! Whole runs: each push in each mode, in parallel, and what came of it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -66,6 +67,10 @@ pub struct Run {
     /// In numbers.
     #[serde(flatten)]
     pub summary: Summary,
+    /// Why latched steps were not made on frozen geometry, and how many, see
+    /// [`Grasps::whole_steps`](crate::grasp::Grasps::whole_steps).
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub whole_steps: BTreeMap<&'static str, u64>,
     /// The other grasps of the scenario, if it has any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<OtherGrasp>,
@@ -288,6 +293,7 @@ pub fn run(
         latch_quality,
         trajectory,
         summary,
+        whole_steps: runner.grasps().whole_steps().collect(),
         others: grasps,
         poses,
         error,

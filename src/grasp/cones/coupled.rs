@@ -4,6 +4,7 @@
 //! passes as the engine: first all with their softness, then, if the engine has a noslip pass, friction at fixed normals.
 //! The contacts of other latched grasps join them as foreign (see [`foreign`]).
 
+use crate::grasp::cones::inverse_inertia::Dynamics;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, pyramid_pairs};
 use crate::grasp::contact::softness::SolverOptions;
@@ -96,7 +97,7 @@ impl CoupledConstraints {
     }
 
     /// The same rows one step on frozen geometry later: their biases.
-    pub fn resume(&mut self, sim: &Simulation, options: &SolverOptions) {
+    pub fn resume(&mut self, sim: &Simulation, dynamics: &Dynamics<'_>, options: &SolverOptions) {
         let (nv, reference, acceleration) = (sim.model().nv(), sim.efc_aref(), sim.qacc_smooth());
         let CoupledConstraints { list, jacobian, bias, foreign, .. } = self;
         for n in list {
@@ -110,7 +111,7 @@ impl CoupledConstraints {
                 Jacobian::Dense(first) => jacobian[first * nv..(first + n.rows) * nv].chunks_exact(nv),
             };
             if let Some(number) = n.foreign() {
-                foreign[number].resume_rows(options, rows, [sim.qvel(), acceleration], bias);
+                foreign[number].resume_rows(dynamics, options, rows, bias);
                 continue;
             }
             for (k, (bias, row)) in bias.iter_mut().zip(rows).enumerate() {

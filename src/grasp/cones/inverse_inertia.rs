@@ -33,6 +33,8 @@ pub struct Dynamics<'a> {
     pub inverse_diagonal: &'a [f64],
     /// Motion axis of each degree of freedom (`cdof`).
     pub dof_axis: &'a [f64],
+    /// How fast that turns (`cdof_dot`).
+    pub axis_rate: &'a [f64],
     /// Inertia of each body with all that hangs on it (`crb`).
     pub composite_inertia: &'a [f64],
     /// Root body of each body's tree.
@@ -41,6 +43,8 @@ pub struct Dynamics<'a> {
     pub subtree_com: &'a [f64],
     /// Velocity of each body (`cvel`).
     pub body_velocity: &'a [f64],
+    /// Generalised velocity (`qvel`).
+    pub joint_velocity: &'a [f64],
     /// Generalised acceleration without constraint forces (`qacc_smooth`).
     pub acceleration: &'a [f64],
 }
@@ -60,6 +64,14 @@ impl Dynamics<'_> {
     /// Motion axis of a degree of freedom.
     pub fn axis(&self, dof: usize) -> Spatial {
         Spatial::from_column_slice(&self.dof_axis[6 * dof..6 * dof + 6])
+    }
+
+    /// Acceleration of what `leaf` moves while no joint accelerates, `dJ/dt qvel`.
+    pub fn turning(&self, leaf: Option<usize>) -> Spatial {
+        let dofs = leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf));
+        dofs.fold(Spatial::zeros(), |sum, dof| {
+            sum + Spatial::from_column_slice(&self.axis_rate[6 * dof..6 * dof + 6]) * self.joint_velocity[dof]
+        })
     }
 
     /// `L` entries of `dof` for its ancestors, the nearest first.

@@ -332,13 +332,11 @@ impl GraspSolver {
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let finger = contact.finger.zip(topology.leaf(contact.link));
         let of_finger = finger.map(|(finger, leaf)| fingers[finger].smooth_acceleration(dynamics, leaf));
-        let wanted = |acceleration: Spatial, velocity: Spatial| acceleration + velocity * soft.damping;
-        let on_hand = wanted(palm.smooth + of_finger.unwrap_or_default(), dynamics.velocity(contact.link));
-        let on_target = wanted(target.smooth, dynamics.velocity(topology.target()));
-        let [turn, move_] = contact.relative(
-            (&on_hand, &dynamics.reference_point(contact.link)),
-            (&on_target, &dynamics.reference_point(topology.target())),
-        );
+        let on_hand = palm.smooth + of_finger.unwrap_or_default();
+        let accelerations = contact.relative(dynamics, &on_hand, &target.smooth);
+        let velocities = contact.velocity(dynamics);
+        let wanted = |k: usize| accelerations[k] + velocities[k] * soft.damping;
+        let [turn, move_] = [wanted(0), wanted(1)];
         let mut bias = [0.0; MAX_ROWS];
         for (i, bias) in bias.iter_mut().enumerate().take(contact.parameters.condim) {
             *bias = contact.axes[i % 3].dot(if i < 3 { &move_ } else { &turn });

@@ -1,5 +1,6 @@
 //! The contacts between hand and target, read from the engine's collision stage.
 
+use crate::grasp::cones::inverse_inertia::Dynamics;
 use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::ContactParameters;
 use crate::grasp::error::Error;
@@ -45,6 +46,11 @@ pub struct GraspContact {
     pub active_sets: [ActiveSet; 2],
     /// Force of each row in the pass with soft contacts.
     pub(in crate::grasp) main: [f64; 6],
+    /// The last degrees of freedom that move the link and the target.
+    pub(in crate::grasp) leaves: [Option<usize>; 2],
+    /// What the geometry, had it not been frozen, would have added to the target's velocity relative to the link: rotation and
+    /// translation.
+    drift: [Vector3<f64>; 2],
     /// True if the grasp's solver solved it, in both passes.
     pub(in crate::grasp) solved: bool,
     /// Tangential velocity of the target relative to the link \[m/s\].
@@ -176,21 +182,47 @@ impl GraspContact {
         if i < 3 { spatial(&(self.position - point).cross(axis), axis) } else { spatial(axis, &Vector3::zeros()) }
     }
 
-    /// Rotation and translation of the target at the contact, relative to the hand's, from those of both bodies about their
+    /// Rotation and translation of the target at the contact, relative to the link's, from those of both bodies about their
     /// reference points.
     pub(in crate::grasp) fn relative(
         &self,
-        (hand, hand_point): (&Spatial, &Vector3<f64>),
-        (target, target_point): (&Spatial, &Vector3<f64>),
+        dynamics: &Dynamics<'_>,
+        hand: &Spatial,
+        target: &Spatial,
     ) -> [Vector3<f64>; 2] {
-        let part = |of: &Spatial, at: usize| Vector3::new(of[at], of[at + 1], of[at + 2]);
-        let at_contact = |of: &Spatial, point| part(of, 3) + part(of, 0).cross(&(self.position - point));
-        [part(target, 0) - part(hand, 0), at_contact(target, target_point) - at_contact(hand, hand_point)]
+        let at_contact = |of: &Spatial, body: usize| {
+            let [turn, move_] = parts(of);
+            [turn, move_ + turn.cross(&(self.position - dynamics.reference_point(body)))]
+        };
+        let ([t0, t1], [h0, h1]) = (at_contact(target, self.target), at_contact(hand, self.link));
+        [t0 - h0, t1 - h1]
     }
 
-    /// One step on: the surfaces have moved apart by so much \[m\], and the last step's forces are what is remembered.
-    pub(in crate::grasp) fn resume(&mut self, apart: f64) {
-        self.parameters.dist += apart;
+    /// Rotation and translation of the target relative to the link at the contact, per second.
+    pub(in crate::grasp) fn velocity(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
+        let [hand, target] = [self.link, self.target].map(|body| dynamics.velocity(body));
+        let [turn, move_] = self.relative(dynamics, &hand, &target);
+        [turn + self.drift[0], move_ + self.drift[1]]
+    }
+
+    /// `dJ/dt qvel` of that: the material points' acceleration while no joint accelerates.
+    fn turning(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
+        let [hand, target] = self.leaves.map(|leaf| dynamics.turning(leaf));
+        let [turn, move_] = self.relative(dynamics, &hand, &target);
+        let swing = |body: usize| {
+            let [turn, move_] = parts(&dynamics.velocity(body));
+            turn.cross(&(move_ + turn.cross(&(self.position - dynamics.reference_point(body)))))
+        };
+        [turn, move_ + swing(self.target) - swing(self.link)]
+    }
+
+    /// One step on frozen geometry later, after the velocities: the surfaces have moved, the relative velocity has changed with
+    /// what the joints' axes have turned, and the last step's forces are what is remembered.
+    pub(in crate::grasp) fn resume(&mut self, dynamics: &Dynamics<'_>, timestep: f64) {
+        let turning = self.turning(dynamics);
+        self.drift.iter_mut().zip(turning).for_each(|(drift, rate)| *drift += rate * timestep);
+        let [_, velocity] = self.velocity(dynamics);
+        self.parameters.dist += timestep * self.axes[0].dot(&velocity);
         self.solved = false;
         let mut friction = [0.0; 5];
         friction.copy_from_slice(&self.force_rows[1..]);
@@ -269,6 +301,8 @@ impl GraspContact {
             target_first: sign < 0.0,
             index,
             finger: topology.finger(link_id.index()),
+            leaves: [topology.leaf(link_id.index()), topology.leaf(target)],
+            drift: [Vector3::zeros(); 2],
             position: contact.position,
             axes: [axis(0), axis(1), axis(2)],
             parameters: ContactParameters {
@@ -415,6 +449,11 @@ impl ContactSet {
     pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
         self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
     }
+}
+
+/// Rotation and translation.
+fn parts(of: &Spatial) -> [Vector3<f64>; 2] {
+    [Vector3::new(of[0], of[1], of[2]), Vector3::new(of[3], of[4], of[5])]
 }
 
 fn spatial(rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Spatial {

@@ -10,12 +10,13 @@ use crate::grasp::hand::topology::Topology;
 use crate::grasp::monitor::phase::Phase;
 use crate::grasp::spec::Limits;
 use crate::grasp::weld::bounds::Bounds;
-use crate::mujoco::{Cone, Contact, EqualityId, Simulation};
+use crate::mujoco::{Cone, Contact, EqualityId, Simulation, Stamp};
 use nalgebra::Vector6;
 use std::ops::Range;
 
-/// A contact that moves as far in a step has jumped \[m\].
-const JUMP: f64 = 1e-3;
+/// A contact that moves as far between two whole steps has jumped, as the one point that stands for a face may do in every step
+/// \[m\].
+const JUMP: f64 = 1e-4;
 
 /// Where the rows of a solve come from.
 pub(in crate::grasp) enum Rows {
@@ -140,7 +141,7 @@ impl Grasp {
                 self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.coupled)
             }
             Rows::Frozen => {
-                self.coupled.resume(sim, &options);
+                self.coupled.resume(sim, &dynamics, &options);
                 self.solver.resume(&dynamics, &self.topology, &options, contacts, &mut self.coupled)
             }
         };
@@ -159,9 +160,9 @@ impl Grasp {
     pub(in crate::grasp) fn add_last_forces(&self, sim: &Simulation, out: &mut [f64]) -> bool {
         let dynamics = dynamics(sim);
         for contact in self.set.contacts().iter().filter_map(GraspContact::with_last_forces) {
-            for (body, sign) in [(contact.target, 1.0), (contact.link, -1.0)] {
+            let [on_link, on_target] = contact.leaves;
+            for (body, leaf, sign) in [(contact.target, on_target, 1.0), (contact.link, on_link, -1.0)] {
                 let wrench = sign * contact.wrench_about(&dynamics.reference_point(body));
-                let leaf = self.topology.leaf(body);
                 for dof in leaf.into_iter().flat_map(|leaf| dynamics.with_ancestors(leaf)) {
                     out[dof] += dynamics.axis(dof).dot(&wrench);
                 }
@@ -175,15 +176,22 @@ impl Grasp {
         self.set.slip_speed(sim)
     }
 
+    /// After a step: the moment from which a frozen one may go on.
+    pub(in crate::grasp) fn remember(&mut self, now: Stamp) {
+        self.stamp = Some(now);
+    }
+
     /// Before a frozen step: all contacts are to be solved again.
     pub(in crate::grasp) fn unsolve(&mut self) {
         self.set.contacts_mut().iter_mut().for_each(|contact| contact.solved = false);
     }
 
     /// Whether the next solve can go on from this one where nothing but time has passed.
-    pub(in crate::grasp) fn can_resume(&self) -> bool {
+    pub(in crate::grasp) fn can_resume(&self, now: Stamp) -> bool {
         match self.machine.phase() {
-            Phase::Grasped => self.is_cones() && self.set.contacts().iter().all(|c| c.solved),
+            Phase::Grasped => {
+                self.is_cones() && self.stamp == Some(now) && self.set.contacts().iter().all(|c| c.solved)
+            }
             Phase::Ungrasped => self.set.contacts().is_empty(),
         }
     }
@@ -252,10 +260,12 @@ fn dynamics(sim: &Simulation) -> Dynamics<'_> {
         factor: sim.mass_factor(),
         inverse_diagonal: sim.qLDiagInv(),
         dof_axis: sim.cdof(),
+        axis_rate: sim.cdof_dot(),
         composite_inertia: sim.crb(),
         body_root: model.body_rootid(),
         subtree_com: sim.subtree_com(),
         body_velocity: sim.cvel(),
+        joint_velocity: sim.qvel(),
         acceleration: sim.qacc_smooth(),
     }
 }

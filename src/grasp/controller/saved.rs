@@ -49,6 +49,7 @@ impl Grasp {
             merged.restore(saved);
         }
         self.status = SolveStatus::default();
+        self.stamp = None;
         self.live.clear();
         self.gram = Gram::new(Vector3::zeros(), 0.0);
     }

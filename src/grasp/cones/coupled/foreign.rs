@@ -96,20 +96,20 @@ impl CoupledConstraints {
 }
 
 impl GraspContact {
-    /// One step on frozen geometry later: `bias` of each of the contact's rows, from the rows and velocity and smooth
-    /// acceleration of each degree of freedom.
+    /// One step on frozen geometry later: `bias` of each of the contact's rows.
     pub(super) fn resume_rows<'a>(
         &mut self,
+        dynamics: &Dynamics<'_>,
         options: &SolverOptions,
-        rows: impl Iterator<Item = &'a [f64]> + Clone,
-        [velocity, acceleration]: [&[f64]; 2],
+        rows: impl Iterator<Item = &'a [f64]>,
         bias: &mut [f64],
     ) {
-        let apart = rows.clone().next().map_or(0.0, |normal| linalg::dot(normal, velocity));
-        self.resume(options.timestep * apart);
+        self.resume(dynamics, options.timestep);
         let soft = softness(&self.parameters, options);
-        for (bias, row) in bias.iter_mut().zip(rows) {
-            *bias = linalg::dot(row, acceleration) + soft.damping * linalg::dot(row, velocity);
+        let velocities = self.velocity(dynamics);
+        for (i, (bias, row)) in bias.iter_mut().zip(rows).enumerate() {
+            let velocity = self.axes[i % 3].dot(&velocities[usize::from(i < 3)]);
+            *bias = linalg::dot(row, dynamics.acceleration) + soft.damping * velocity;
         }
         bias[0] += soft.spring;
     }

@@ -55,12 +55,7 @@ impl GraspSolver {
         block: usize,
         contact: &mut GraspContact,
     ) {
-        let (hand, target) = (dynamics.velocity(contact.link), dynamics.velocity(topology.target()));
-        let [_, velocity] = contact.relative(
-            (&hand, &dynamics.reference_point(contact.link)),
-            (&target, &dynamics.reference_point(topology.target())),
-        );
-        contact.resume(options.timestep * contact.axes[0].dot(&velocity));
+        contact.resume(dynamics, options.timestep);
         let soft = softness(&contact.parameters, options);
         let bias = self.contact_bias(dynamics, topology, contact, &soft);
         let rows = contact.parameters.condim;
