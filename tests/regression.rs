@@ -28,8 +28,9 @@ struct Row {
 /// Rows of a reference per second.
 const RATE: f64 = 50.0;
 
-/// What frozen geometry may add: distance \[m\], of motions of 5 to 50 mm, and share of the normal forces.
-const FROZEN: (f64, f64) = (1e-5, 5e-3);
+/// What frozen geometry may add: distance \[m\], of motions of 5 to 50 mm, and share of the normal forces (most of it where a
+/// contact that opens and closes every few steps does so in other steps).
+const FROZEN: (f64, f64) = (3e-5, 0.05);
 
 /// The full solve of a push, if there is one: stored for this engine, or made.
 fn reference(plan: &Plan, push: &str) -> Vec<Row> {
@@ -106,9 +107,9 @@ fn follows_until(end: f64, scenario: &str, push: &str, motion: f64, force: f64, 
 
 #[test]
 fn clutch_pushed_into_the_palm() {
-    // With 3.17.0 the thumb's contact, which opens and closes every few steps from 5 s on, does so in other steps than in full:
-    // 20 um of 24 mm.
-    let (motion, force) = if cfg!(mujoco3) { (3e-5, 0.06) } else { (1e-6, 1e-3) };
+    // The thumb's contact opens and closes every few steps from 5 s on, some of them other steps than in full; with 3.17.0 most
+    // of them: 20 um of 24 mm.
+    let (motion, force) = if cfg!(mujoco3) { (3e-5, 0.06) } else { (1e-6, 2e-3) };
     follows("clutch", "fp1", motion, force, 170);
 }
 

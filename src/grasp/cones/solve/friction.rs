@@ -12,7 +12,7 @@ const RESISTANCE: f64 = 1e-3;
 
 /// Friction that changes in a step by more than this share of its limit, as where contacts open or close, is centred anew in
 /// the same step, so that no more than [`RESISTANCE`] times this is left of the error.
-const SMALL_CHANGE: f64 = 1e-1;
+const SMALL_CHANGE: f64 = 1e-2;
 
 impl GraspSolver {
     /// Centres each friction cost at the force that it has come to; false, with nothing done, where that is a small change.
