@@ -52,7 +52,8 @@ fn main() -> anyhow::Result<()> {
     let counted = counted_steps(&mut sim, &mut grasps, steps, call)?;
     let [main, friction] = counted.iterations.map(|iterations| iterations as f64 / steps as f64);
     println!("{scenario} {variant}: latched in {} of {steps} steps", counted.latched);
-    println!("frozen: {} steps", grasps.frozen_steps());
+    let whole: Vec<String> = grasps.whole_steps().map(|(why, count)| format!("{why} {count}")).collect();
+    println!("on frozen geometry since the start: {} steps; whole: {}", grasps.frozen_steps(), whole.join(", "));
     println!("Newton iterations a step: {main} with soft contacts, {friction} in the friction pass");
     Ok(())
 }

@@ -95,7 +95,7 @@ impl Grasps {
     /// As [`step`](Self::step).
     pub fn substep(&mut self, sim: &mut Simulation) -> Result<(), Error> {
         self.check_model(sim)?;
-        if self.latched().next().is_none() {
+        if !(self.frozen.tolerance > 0.0) || self.latched().next().is_none() {
             return self.step(sim);
         }
         if let Some(obstacle) = self.obstacle(sim) {
