@@ -40,6 +40,7 @@ fn rows(file: &Path) -> anyhow::Result<Vec<BenchRow>> {
                 full: timing("full")?,
                 full_noslip: timing("full_noslip")?,
                 grasp: timing("grasp")?,
+                exact: Some(timing("exact")?),
                 floor: timing("floor")?,
             })
         })

@@ -249,6 +249,7 @@ fn bench() -> BenchTable {
             full: timing(300.0, 160.0),
             full_noslip: timing(400.0, 240.0),
             grasp: timing(150.0, 20.0),
+            exact: None,
             floor: timing(130.0, 0.0),
         }],
     }

@@ -295,7 +295,7 @@ impl Arrow {
     }
 
     /// Goes back to the costs of the first pass, for other biases of the same rows: each block's and single's is then
-    /// [set](Self::rebias).
+    /// set ([`bias_mut`](Self::bias_mut), [`rebias_single`](Self::rebias_single)) and [recosted](Self::recost).
     pub fn resume(&mut self) {
         std::mem::swap(&mut self.hessian, &mut self.other_hessian);
     }
