@@ -301,7 +301,12 @@ fn bench_times_all_variants() {
             let added = time(variant, "step_us") - time("floor", "step_us");
             assert!((time(variant, "added_us") - added).abs() < 1e-9, "{phase} {variant}");
         }
-        close("added", time("full", "added_us") / time("grasp", "added_us"));
+        // on frozen geometry a step may cost less than the floor's, which computes every step whole
+        if time("grasp", "added_us") > 0.0 {
+            close("added", time("full", "added_us") / time("grasp", "added_us"));
+        } else {
+            assert!(b["ratio"]["added"].is_null() && b["ratio"]["added_noslip"].is_null(), "{b}");
+        }
         for variant in ["full", "full_noslip"] {
             let solver = b[variant]["solver"].as_str().unwrap();
             let known = ["newton", "cg", "pgs", "the model's own"];
