@@ -6,6 +6,7 @@ mod saved;
 pub(super) use latched::Rows;
 
 use super::cones::coupled::CoupledConstraints;
+use super::cones::inverse_inertia::Dynamics;
 use super::cones::solve::{GraspSolver, SolveStatus};
 use super::contact::contacts::{ContactSet, GraspContact};
 use super::contact::softness::SolverOptions;
@@ -234,7 +235,7 @@ impl Grasp {
 
     /// Slip velocities of the last step's contacts (not needed by the grasp itself).
     pub fn read_slip(&mut self, sim: &Simulation) {
-        self.set.read_slip(sim);
+        self.set.read_slip(&Dynamics::of(sim));
     }
 
     fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {

@@ -23,12 +23,7 @@ impl Simulation {
     /// energy and poses stay what they are. Errors and what they leave behind are those of
     /// [`step_with`](Self::step_with).
     pub(crate) fn step_frozen<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
-        self.check_staged_integrator()?;
-        self.defer_warnings();
-        let made = self.without_islands(|sim| sim.frozen_stages(hooks));
-        let deferred = self.take_deferred();
-        made?;
-        Ok(deferred?)
+        self.deferring(|sim| sim.without_islands(|sim| sim.frozen_stages(hooks)))
     }
 
     fn frozen_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {

@@ -173,12 +173,20 @@ impl Simulation {
     /// buffers, bad controls, a reset after a bad number) is reported at its end, as [`step`](Self::step) does; any other
     /// error ends it at once. A step in stages has no islands and lets nothing sleep; the model keeps its flags.
     pub(crate) fn step_with<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
+        self.deferring(|sim| match hooks.in_stages() {
+            true => sim.without_islands(|sim| sim.all_stages(hooks)),
+            false => sim.all_stages(hooks),
+        })
+    }
+
+    /// Runs the stages of one step, and reports at its end what does not end it.
+    pub(super) fn deferring<E: From<Error>>(
+        &mut self,
+        stages: impl FnOnce(&mut Self) -> Result<(), E>,
+    ) -> Result<(), E> {
         self.check_staged_integrator()?;
         self.defer_warnings();
-        let made = match hooks.in_stages() {
-            true => self.without_islands(|sim| sim.all_stages(hooks)),
-            false => self.all_stages(hooks),
-        };
+        let made = stages(self);
         let deferred = self.take_deferred();
         made?;
         Ok(deferred?)

@@ -42,8 +42,8 @@ impl Mode {
 pub struct Runner {
     mode: Mode,
     sim: Simulation,
-    /// Shows the poses of a step on frozen geometry, which `sim` has not.
-    poses: Simulation,
+    /// Shows the poses of a step on frozen geometry, which `sim` has not; full mode makes none.
+    poses: Option<Simulation>,
     grasps: Grasps,
     trackers: Vec<Tracker>,
     schedule: Schedule,
@@ -112,7 +112,7 @@ impl Runner {
             total_steps: length::steps(plan) as u64,
             steps: 0,
             stop: plan.stop.clone(),
-            poses: sim.try_clone()?,
+            poses: if mode == Mode::Grasp { Some(sim.try_clone()?) } else { None },
             sim,
         };
         runner.check_memory(plan, 1)?;
@@ -258,7 +258,9 @@ impl Runner {
             watch.begin(grasp);
         }
         let frozen_before = self.grasps.frozen_steps();
-        self.poses.qpos_mut().copy_from_slice(self.sim.qpos());
+        if let Some(poses) = &mut self.poses {
+            poses.qpos_mut().copy_from_slice(self.sim.qpos());
+        }
         let clock = Instant::now();
         match self.mode {
             Mode::Full => self.sim.step()?,
@@ -270,10 +272,13 @@ impl Runner {
         }
         self.steps += 1;
         let frozen = self.grasps.frozen_steps() > frozen_before;
-        if frozen {
-            self.poses.kinematics()?;
-        }
-        let poses = if frozen { &self.poses } else { &self.sim };
+        let poses = match &mut self.poses {
+            Some(poses) if frozen => {
+                poses.kinematics()?;
+                &*poses
+            }
+            _ => &self.sim,
+        };
         let now = Now { time, step_ns, slipping: (time >= self.measure_from - half).then_some(self.timestep), frozen };
         self.samples.clear();
         for (watch, grasp) in self.watches.iter_mut().zip(self.grasps.iter_mut()) {

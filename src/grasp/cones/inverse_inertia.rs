@@ -10,7 +10,7 @@
 use crate::grasp::cones::arrow::Arrow;
 use crate::grasp::hand::topology::Topology;
 pub use crate::grasp::linalg::Spatial;
-use crate::mujoco::MassFactor;
+use crate::mujoco::{MassFactor, Simulation};
 use nalgebra::{Matrix6, Vector3};
 
 /// Largest negative or zero pivot, relative to the largest diagonal, that counts as a direction without inverse inertia.
@@ -49,7 +49,26 @@ pub struct Dynamics<'a> {
     pub acceleration: &'a [f64],
 }
 
-impl Dynamics<'_> {
+impl<'a> Dynamics<'a> {
+    /// Of the engine's present state.
+    pub fn of(sim: &'a Simulation) -> Self {
+        let model = sim.model();
+        Dynamics {
+            dof_parent: model.dof_parentid(),
+            dof_body: model.dof_bodyid(),
+            factor: sim.mass_factor(),
+            inverse_diagonal: sim.qLDiagInv(),
+            dof_axis: sim.cdof(),
+            axis_rate: sim.cdof_dot(),
+            composite_inertia: sim.crb(),
+            body_root: model.body_rootid(),
+            subtree_com: sim.subtree_com(),
+            body_velocity: sim.cvel(),
+            joint_velocity: sim.qvel(),
+            acceleration: sim.qacc_smooth(),
+        }
+    }
+
     /// Centre of mass of the tree that `body` belongs to: the point that its spatial vectors refer to \[m\].
     pub fn reference_point(&self, body: usize) -> Vector3<f64> {
         let root = self.body_root[body] as usize;
@@ -64,6 +83,13 @@ impl Dynamics<'_> {
     /// Motion axis of a degree of freedom.
     pub fn axis(&self, dof: usize) -> Spatial {
         Spatial::from_column_slice(&self.dof_axis[6 * dof..6 * dof + 6])
+    }
+
+    /// Adds the generalised force of a wrench on what `leaf` moves last, about its reference point, to `out`.
+    pub fn add_wrench(&self, leaf: Option<usize>, wrench: &Spatial, out: &mut [f64]) {
+        for dof in leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf)) {
+            out[dof] += self.axis(dof).dot(wrench);
+        }
     }
 
     /// Acceleration of what `leaf` moves while no joint accelerates, `dJ/dt qvel`.

@@ -297,7 +297,8 @@ impl GraspSolver {
     ) {
         let soft = softness(&contact.parameters, options);
         let rows = contact.parameters.condim;
-        let bias = self.contact_bias(dynamics, topology, contact, &soft);
+        let wrenches = contact.unit_wrenches(dynamics);
+        let bias = self.contact_bias(dynamics, topology, contact, &soft, &wrenches);
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let memory = contact.warm_start();
         let start = memory.map_or([0.0; MAX_ROWS], |m| m.main);
@@ -307,39 +308,36 @@ impl GraspSolver {
         self.soft.push(soft.cost);
         let finger =
             own.zip(topology.leaf(contact.link)).map(|((finger, offset), leaf)| (&fingers[finger], offset, leaf));
-        let hand_point = dynamics.reference_point(contact.link);
-        let target_point = dynamics.reference_point(topology.target());
-        for i in 0..rows {
+        for (i, [on_hand, on_target]) in wrenches.iter().take(rows).enumerate() {
             let (root, own) = self.arrow.row(block, i);
             let (of_palm, of_target) = root.split_at_mut(palm.rank());
-            let on_hand = -contact.unit_wrench(i, &hand_point);
-            palm.own(&on_hand, of_palm);
-            target.own(&contact.unit_wrench(i, &target_point), of_target);
+            palm.own(on_hand, of_palm);
+            target.own(on_target, of_target);
             if let Some((finger, offset, leaf)) = finger {
-                finger.row(leaf, &on_hand, &mut own[offset..]);
+                finger.row(leaf, on_hand, &mut own[offset..]);
             }
         }
     }
 
-    /// `J qacc_smooth - aref` of each row of a contact.
+    /// `J qacc_smooth - aref` of each row of a contact, whose unit wrenches are given.
     fn contact_bias(
         &self,
         dynamics: &Dynamics<'_>,
         topology: &Topology,
         contact: &GraspContact,
         soft: &Softness,
+        wrenches: &[[Spatial; 2]; MAX_ROWS],
     ) -> [f64; MAX_ROWS] {
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let finger = contact.finger.zip(topology.leaf(contact.link));
         let of_finger = finger.map(|(finger, leaf)| fingers[finger].smooth_acceleration(dynamics, leaf));
-        let on_hand = palm.smooth + of_finger.unwrap_or_default();
-        let accelerations = contact.relative(dynamics, &on_hand, &target.smooth);
-        let velocities = contact.velocity(dynamics);
-        let wanted = |k: usize| accelerations[k] + velocities[k] * soft.damping;
-        let [turn, move_] = [wanted(0), wanted(1)];
+        let hand_acceleration = palm.smooth + of_finger.unwrap_or_default();
+        let [hand_velocity, target_velocity] = [contact.link, contact.target].map(|body| dynamics.velocity(body));
         let mut bias = [0.0; MAX_ROWS];
-        for (i, bias) in bias.iter_mut().enumerate().take(contact.parameters.condim) {
-            *bias = contact.axes[i % 3].dot(if i < 3 { &move_ } else { &turn });
+        for (i, [on_hand, on_target]) in wrenches.iter().take(contact.parameters.condim).enumerate() {
+            let velocity = on_target.dot(&target_velocity) + on_hand.dot(&hand_velocity) + contact.drift_along(i);
+            let acceleration = on_target.dot(&target.smooth) + on_hand.dot(&hand_acceleration);
+            bias[i] = acceleration + soft.damping * velocity;
         }
         bias[0] += soft.spring;
         bias

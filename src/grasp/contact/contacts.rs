@@ -1,5 +1,6 @@
 //! The contacts between hand and target, read from the engine's collision stage.
 
+use crate::grasp::cones::inverse_inertia::Dynamics;
 use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::ContactParameters;
 use crate::grasp::error::Error;
@@ -356,16 +357,16 @@ impl ContactSet {
     }
 
     /// Relative velocities at the contact points, from the bodies' velocities of this step.
-    pub fn read_slip(&mut self, sim: &Simulation) {
+    pub fn read_slip(&mut self, dynamics: &Dynamics<'_>) {
         for contact in &mut self.now {
-            contact.slip_velocity = contact.slip(sim);
+            contact.slip_velocity = contact.slip(dynamics);
         }
     }
 
     /// The fastest slip of the contacts whose friction is at its limit, from the bodies' present velocities \[m/s\].
-    pub(in crate::grasp) fn slip_speed(&self, sim: &Simulation) -> f64 {
+    pub(in crate::grasp) fn slip_speed(&self, dynamics: &Dynamics<'_>) -> f64 {
         let sliding = self.now.iter().filter(|contact| contact.is_sliding());
-        sliding.map(|contact| contact.slip(sim).norm()).fold(0.0, f64::max)
+        sliding.map(|contact| contact.slip(dynamics).norm()).fold(0.0, f64::max)
     }
 
     /// The contacts of this step.

@@ -129,7 +129,7 @@ impl Grasp {
         rows: &Rows,
         out: &mut [f64],
     ) -> Result<(), Error> {
-        let dynamics = dynamics(sim);
+        let dynamics = Dynamics::of(sim);
         let options = SolverOptions::of(sim.model());
         let contacts = self.set.contacts_mut();
         self.status = match rows {
@@ -158,14 +158,12 @@ impl Grasp {
     /// Adds the generalised forces that the last step's contact forces have on the present geometry to `out`; false if these
     /// are other contacts, or have jumped.
     pub(in crate::grasp) fn add_last_forces(&self, sim: &Simulation, out: &mut [f64]) -> bool {
-        let dynamics = dynamics(sim);
+        let dynamics = Dynamics::of(sim);
         for contact in self.set.contacts().iter().filter_map(GraspContact::with_last_forces) {
             let [on_link, on_target] = contact.leaves;
             for (body, leaf, sign) in [(contact.target, on_target, 1.0), (contact.link, on_link, -1.0)] {
                 let wrench = sign * contact.wrench_about(&dynamics.reference_point(body));
-                for dof in leaf.into_iter().flat_map(|leaf| dynamics.with_ancestors(leaf)) {
-                    out[dof] += dynamics.axis(dof).dot(&wrench);
-                }
+                dynamics.add_wrench(leaf, &wrench, out);
             }
         }
         self.set.are_those_of_before(JUMP)
@@ -173,7 +171,7 @@ impl Grasp {
 
     /// How fast the contacts slide whose friction is at its limit, in the last step \[m/s\].
     pub(in crate::grasp) fn slip_speed(&self, sim: &Simulation) -> f64 {
-        self.set.slip_speed(sim)
+        self.set.slip_speed(&Dynamics::of(sim))
     }
 
     /// After a step: the moment from which a frozen one may go on.
@@ -249,23 +247,5 @@ impl Grasp {
             }
         }
         Ok(())
-    }
-}
-
-fn dynamics(sim: &Simulation) -> Dynamics<'_> {
-    let model = sim.model();
-    Dynamics {
-        dof_parent: model.dof_parentid(),
-        dof_body: model.dof_bodyid(),
-        factor: sim.mass_factor(),
-        inverse_diagonal: sim.qLDiagInv(),
-        dof_axis: sim.cdof(),
-        axis_rate: sim.cdof_dot(),
-        composite_inertia: sim.crb(),
-        body_root: model.body_rootid(),
-        subtree_com: sim.subtree_com(),
-        body_velocity: sim.cvel(),
-        joint_velocity: sim.qvel(),
-        acceleration: sim.qacc_smooth(),
     }
 }

@@ -83,11 +83,7 @@ impl CoupledConstraints {
         for (body, sign) in [(contact.target, 1.0), (contact.link, -1.0)] {
             let wrench: Spatial = sign * contact.unit_wrench(i, &dynamics.reference_point(body));
             velocity += wrench.dot(&dynamics.velocity(body));
-            let mut next = topology.leaf(body);
-            while let Some(dof) = next {
-                row[dof] += dynamics.axis(dof).dot(&wrench);
-                next = dynamics.parent(dof);
-            }
+            dynamics.add_wrench(topology.leaf(body), &wrench, row);
         }
         let smooth = linalg::dot(row, dynamics.acceleration);
         self.bias.push(smooth);

@@ -57,7 +57,7 @@ impl GraspSolver {
     ) {
         contact.resume(dynamics, options.timestep);
         let soft = softness(&contact.parameters, options);
-        let bias = self.contact_bias(dynamics, topology, contact, &soft);
+        let bias = self.contact_bias(dynamics, topology, contact, &soft, &contact.unit_wrenches(dynamics));
         let rows = contact.parameters.condim;
         self.arrow.bias_mut(block).copy_from_slice(&bias[..rows]);
         self.recost_contact(block, contact);

@@ -2,41 +2,51 @@
 
 use super::{GraspContact, WarmStart};
 use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::Spatial;
-use crate::mujoco::Simulation;
 use nalgebra::Vector3;
 
 impl GraspContact {
-    /// Rotation and translation of the target at the contact, relative to the link's, from those of both bodies about their
-    /// reference points.
-    pub(in crate::grasp) fn relative(
-        &self,
-        dynamics: &Dynamics<'_>,
-        hand: &Spatial,
-        target: &Spatial,
-    ) -> [Vector3<f64>; 2] {
-        let at_contact = |of: &Spatial, body: usize| {
-            let [turn, move_] = parts(of);
-            [turn, move_ + turn.cross(&(self.position - dynamics.reference_point(body)))]
-        };
-        let ([t0, t1], [h0, h1]) = (at_contact(target, self.target), at_contact(hand, self.link));
-        [t0 - h0, t1 - h1]
+    /// The wrenches of unit forces of each row, on the link and on the target, about the bodies' reference points; zero beyond
+    /// the contact's rows.
+    pub(in crate::grasp) fn unit_wrenches(&self, dynamics: &Dynamics<'_>) -> [[Spatial; 2]; MAX_ROWS] {
+        let [hand, target] = [self.link, self.target].map(|body| dynamics.reference_point(body));
+        let mut wrenches = [[Spatial::zeros(); 2]; MAX_ROWS];
+        for (i, wrenches) in wrenches.iter_mut().enumerate().take(self.parameters.condim) {
+            *wrenches = [-self.unit_wrench(i, &hand), self.unit_wrench(i, &target)];
+        }
+        wrenches
+    }
+
+    /// Rotation and translation, at the contact, of a body whose motion about its reference point is `of`.
+    fn at_contact(&self, dynamics: &Dynamics<'_>, of: &Spatial, body: usize) -> [Vector3<f64>; 2] {
+        let [turn, move_] = [Vector3::new(of[0], of[1], of[2]), Vector3::new(of[3], of[4], of[5])];
+        [turn, move_ + turn.cross(&(self.position - dynamics.reference_point(body)))]
+    }
+
+    /// The same of the target less the link's.
+    fn relative(&self, dynamics: &Dynamics<'_>, [hand, target]: [Spatial; 2]) -> [Vector3<f64>; 2] {
+        let (t, h) = (self.at_contact(dynamics, &target, self.target), self.at_contact(dynamics, &hand, self.link));
+        [t[0] - h[0], t[1] - h[1]]
     }
 
     /// Rotation and translation of the target relative to the link at the contact, per second.
     pub(in crate::grasp) fn velocity(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
-        let [hand, target] = [self.link, self.target].map(|body| dynamics.velocity(body));
-        let [turn, move_] = self.relative(dynamics, &hand, &target);
+        let [turn, move_] = self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)));
         [turn + self.drift[0], move_ + self.drift[1]]
     }
 
-    /// `dJ/dt qvel` of that: the material points' acceleration while no joint accelerates.
+    /// What drift adds to the velocity along row `i`.
+    pub(in crate::grasp) fn drift_along(&self, i: usize) -> f64 {
+        self.axes[i % 3].dot(&self.drift[usize::from(i < 3)])
+    }
+
+    /// `dJ/dt qvel` of the relative velocity: the material points' acceleration while no joint accelerates.
     fn turning(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
-        let [hand, target] = self.leaves.map(|leaf| dynamics.turning(leaf));
-        let [turn, move_] = self.relative(dynamics, &hand, &target);
+        let [turn, move_] = self.relative(dynamics, self.leaves.map(|leaf| dynamics.turning(leaf)));
         let swing = |body: usize| {
-            let [turn, move_] = parts(&dynamics.velocity(body));
-            turn.cross(&(move_ + turn.cross(&(self.position - dynamics.reference_point(body)))))
+            let [turn, move_] = self.at_contact(dynamics, &dynamics.velocity(body), body);
+            turn.cross(&move_)
         };
         [turn, move_ + swing(self.target) - swing(self.link)]
     }
@@ -68,24 +78,9 @@ impl GraspContact {
     }
 
     /// Tangential velocity of the target relative to the link, from the bodies' present velocities \[m/s\].
-    pub(super) fn slip(&self, sim: &Simulation) -> Vector3<f64> {
-        let velocity =
-            point_velocity(sim, self.target, &self.position) - point_velocity(sim, self.link, &self.position);
+    pub(super) fn slip(&self, dynamics: &Dynamics<'_>) -> Vector3<f64> {
+        let [_, velocity] = self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)));
         let n = &self.axes[0];
         velocity - n * n.dot(&velocity)
     }
-}
-
-/// Rotation and translation.
-fn parts(of: &Spatial) -> [Vector3<f64>; 2] {
-    [Vector3::new(of[0], of[1], of[2]), Vector3::new(of[3], of[4], of[5])]
-}
-
-/// Velocity of the material point of `body` at `point`, world axes \[m/s\].
-fn point_velocity(sim: &Simulation, body: usize, point: &Vector3<f64>) -> Vector3<f64> {
-    let twist = &sim.cvel()[6 * body..6 * body + 6];
-    let root = sim.model().body_rootid()[body] as usize;
-    let reference = Vector3::from_column_slice(&sim.subtree_com()[3 * root..3 * root + 3]);
-    let (turn, move_) = (Vector3::from_column_slice(&twist[..3]), Vector3::from_column_slice(&twist[3..]));
-    move_ + turn.cross(&(point - reference))
 }
