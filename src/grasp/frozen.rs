@@ -4,8 +4,8 @@
 //! A frozen step keeps poses, inertia, contact points and constraint Jacobians of the last whole step. Distances and lengths
 //! move on linearly, and everything that does not follow from positions is computed as in a whole step: velocities,
 //! actuators, springs, limits, the contacts' cones in both passes. So the grasp sticks, slides, opens and gives way as ever.
-//! What is left out is how lever arms turn under the contact forces; of that the part that is steady from one whole step to
-//! the next is added ([`Turn`]), so that what is left is of second order. When anything has turned by more than a tolerance,
+//! What is left out is how lever arms turn under the contact forces; what that comes to in first order is added
+//! ([`Grasps::measure_turn`]). When anything has turned by more than a tolerance,
 //! has slid as far, or may have come near something else, the next step is a whole one.
 
 // A motion that is not a number must count as too far: `!(a < b)` says that, `a >= b` does not.
@@ -17,12 +17,16 @@ use super::error::Error;
 use super::linalg::axpy;
 use super::monitor::phase::Phase;
 use crate::mujoco::{CompiledModel, JointKind, Simulation, Stamp};
+use nalgebra::Vector3;
 
 /// Most frozen steps in a row.
-const MAX_STEPS: usize = 24;
+const MAX_STEPS: usize = 12;
 
 /// Angle by which anything may turn between two whole steps, unless it is set otherwise \[rad\].
-pub const TOLERANCE: f64 = 1e-3;
+pub const TOLERANCE: f64 = 2e-3;
+
+/// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole steps only.
+const SETTLED: usize = 3;
 
 /// Where a contact slides, it may come as far as this lever times the tolerance between two whole steps \[m\].
 const LEVER: f64 = 0.01;
@@ -49,23 +53,14 @@ pub(super) struct Frozen {
     slip: f64,
     /// How far anything may move until something else may touch \[m\].
     slack: f64,
-    /// By degree of freedom: how far a point of what it carries moves by it \[m/rad or m/m\], and whether it turns.
-    reach: Vec<(f64, bool)>,
-    /// By degree of freedom: angle and way of what it carries.
-    motion: Vec<(f64, f64)>,
-    turn: Turn,
-}
-
-/// How contact forces change with the geometry: `(J_k - J_{k-1})' f / steps` between the last two whole steps, `f` being the
-/// contacts' forces in the last step.
-#[derive(Clone, Debug, Default)]
-struct Turn {
-    /// Change of the generalised force in one step; empty while it is not known.
-    rate: Vec<f64>,
-    /// Anybody has asked for frozen steps.
-    wanted: bool,
-    /// The present whole step goes on from where these grasps' last step has ended.
-    continues: bool,
+    /// By degree of freedom: how far a point of what it carries moves by it \[m/rad or m/m\].
+    reach: Vec<f64>,
+    /// By degree of freedom: rotation and way of what it carries.
+    motion: Vec<(Vector3<f64>, f64)>,
+    /// Steps between the last two whole ones; `None` if something was changed from outside meanwhile.
+    elapsed: Option<usize>,
+    /// What the contact forces that the last whole step ended with add to the generalised force with each step.
+    turn: Vec<f64>,
 }
 
 impl Default for Frozen {
@@ -82,7 +77,8 @@ impl Default for Frozen {
             slack: 0.0,
             reach: Vec::new(),
             motion: Vec::new(),
-            turn: Turn::default(),
+            elapsed: None,
+            turn: Vec::new(),
         }
     }
 }
@@ -101,6 +97,9 @@ impl Grasps {
         if let Some(obstacle) = self.obstacle(sim) {
             self.frozen.whole[obstacle as usize] += 1;
             return self.step(sim);
+        }
+        if self.frozen.steps == 0 {
+            self.measure_turn(sim);
         }
         self.frozen.now = true;
         let made = sim.step_frozen(self);
@@ -144,35 +143,25 @@ impl Grasps {
 
     /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (a grasp
     /// with limits "box" or "rigid"), "changed" (it has just latched, or something was changed from outside), "refresh" (after
-    /// 24 frozen ones), "jumped" (contacts are new, or have jumped), "turned" and "slid" (further than the tolerance), "near"
+    /// 12 frozen ones), "contacts" (some have just come, gone or jumped), "turned" and "slid" (further than the tolerance), "near"
     /// (something else may touch something).
     pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Obstacle::NAMES.into_iter().zip(self.frozen.whole).filter(|(_, count)| *count > 0)
     }
 
-    /// In a whole step, before its solve: how the contact forces of the last step turn with the geometry.
-    pub(super) fn measure_turn(&mut self, sim: &Simulation) {
-        let Frozen { turn, steps, now, .. } = &mut self.frozen;
-        if *now {
-            return;
-        }
-        turn.rate.clear();
-        if !turn.continues || self.force.generalised.len() != sim.model().nv() {
-            return;
-        }
-        turn.rate.resize(sim.model().nv(), 0.0);
-        let mut latched = self.list.iter().filter(|grasp| grasp.phase() == Phase::Grasped);
-        if latched.all(|grasp| grasp.is_cones() && grasp.add_last_forces(sim, &mut turn.rate)) {
-            let elapsed = (*steps + 1) as f64;
-            turn.rate.iter_mut().zip(&self.force.generalised).for_each(|(new, old)| *new = (*new - old) / elapsed);
-        } else {
-            turn.rate.clear();
+    /// After a whole step: how the contact forces will turn with the geometry.
+    fn measure_turn(&mut self, sim: &Simulation) {
+        let Frozen { turn, elapsed, .. } = &mut self.frozen;
+        turn.clear();
+        turn.resize(sim.model().nv(), 0.0);
+        let Some(elapsed) = *elapsed else { return };
+        for grasp in self.list.iter().filter(|grasp| grasp.phase() == Phase::Grasped) {
+            grasp.add_turn(sim, elapsed, turn);
         }
     }
 
     /// Why the next step has to be a whole one, if it has.
     fn obstacle(&mut self, sim: &Simulation) -> Option<Obstacle> {
-        self.frozen.turn.wanted = true;
         if !self.latched().all(Grasp::is_cones) || self.settings.is_some() {
             return Some(Obstacle::Merged);
         }
@@ -183,8 +172,9 @@ impl Grasps {
         if self.frozen.steps >= MAX_STEPS {
             return Some(Obstacle::Refresh);
         }
-        if self.frozen.turn.rate.is_empty() {
-            return Some(Obstacle::Jumped);
+        let settled = self.latched().all(|grasp| grasp.steps_since_contacts_changed() >= SETTLED);
+        if self.frozen.steps == 0 && !(settled && self.frozen.elapsed.is_some()) {
+            return Some(Obstacle::Contacts);
         }
         let speed = self.list.iter().map(|grasp| grasp.slip_speed(sim)).fold(0.0, f64::max);
         let frozen = &mut self.frozen;
@@ -212,14 +202,14 @@ enum Obstacle {
     Merged,
     Changed,
     Refresh,
-    Jumped,
+    Contacts,
     Turned,
     Slid,
     Near,
 }
 
 impl Obstacle {
-    const NAMES: [&'static str; 7] = ["merged", "changed", "refresh", "jumped", "turned", "slid", "near"];
+    const NAMES: [&'static str; 7] = ["merged", "changed", "refresh", "contacts", "turned", "slid", "near"];
 }
 
 impl Frozen {
@@ -230,13 +220,13 @@ impl Frozen {
 
     /// Before a whole step.
     pub fn begin(&mut self, sim: &Simulation) {
-        self.turn.continues = self.turn.wanted && self.stamp == Some(sim.stamp());
+        self.elapsed = (self.stamp == Some(sim.stamp())).then_some(self.steps + 1);
     }
 
     /// In a frozen step: how the contact forces have turned since the last whole one joins the passive forces.
     pub fn add_turn(&self, sim: &mut Simulation) {
-        if !self.turn.rate.is_empty() {
-            axpy((self.steps + 1) as f64, &self.turn.rate, sim.qfrc_passive_mut());
+        if self.now {
+            axpy((self.steps + 1) as f64, &self.turn, sim.qfrc_passive_mut());
         }
     }
 
@@ -274,21 +264,20 @@ impl Frozen {
         }
         self.motion.clear();
         let mut largest = (0.0f64, 0.0f64);
-        for (dof, &parent) in model.dof_parentid().iter().enumerate() {
-            let (mut angle, mut way) = usize::try_from(parent).map_or((0.0, 0.0), |parent| self.motion[parent]);
-            let (reach, turns) = self.reach[dof];
-            let moved = self.travel[dof].abs();
-            angle += if turns { moved } else { 0.0 };
-            way += moved * reach;
-            largest = (largest.0.max(angle), largest.1.max(way));
-            self.motion.push((angle, way));
+        for (dof, (&parent, axis)) in model.dof_parentid().iter().zip(sim.cdof().chunks_exact(6)).enumerate() {
+            let parent = usize::try_from(parent).ok().map(|parent| self.motion[parent]);
+            let (mut rotation, mut way) = parent.unwrap_or_default();
+            rotation += Vector3::new(axis[0], axis[1], axis[2]) * self.travel[dof];
+            way += self.travel[dof].abs() * self.reach[dof];
+            largest = (largest.0.max(rotation.norm()), largest.1.max(way));
+            self.motion.push((rotation, way));
         }
         largest
     }
 }
 
-/// For each degree of freedom how far the farthest point that it carries is from its axis, at the most, and whether it turns.
-fn reach(model: &CompiledModel) -> Vec<(f64, bool)> {
+/// For each degree of freedom how far the farthest point that it carries is from its axis, at the most; 1 for one that slides.
+fn reach(model: &CompiledModel) -> Vec<f64> {
     let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     // of all that hangs on a body and can touch anything, about its origin; negative without such a thing
     let mut radius = vec![f64::NEG_INFINITY; model.nbody()];
@@ -317,12 +306,12 @@ fn reach(model: &CompiledModel) -> Vec<(f64, bool)> {
             || kind == JointKind::Free.raw() && dof < model.jnt_dofadr()[joint] as usize + 3;
         let body = model.dof_bodyid()[dof] as usize;
         if radius[body] < 0.0 {
-            return (0.0, !slides);
+            0.0
+        } else if slides {
+            1.0
+        } else {
+            radius[body] + norm(&model.jnt_pos()[3 * joint..3 * joint + 3])
         }
-        if slides {
-            return (1.0, false);
-        }
-        (radius[body] + norm(&model.jnt_pos()[3 * joint..3 * joint + 3]), true)
     };
     (0..model.nv()).map(of).collect()
 }

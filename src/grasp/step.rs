@@ -93,7 +93,6 @@ impl Hooks for Grasps {
         if self.latched().next().is_none() {
             return Ok(sim.constraint()?);
         }
-        self.measure_turn(sim);
         self.force.clear(sim.model().nv());
         let merged = self.list.iter().any(Grasp::is_merged);
         if merged {

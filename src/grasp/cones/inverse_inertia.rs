@@ -92,12 +92,22 @@ impl<'a> Dynamics<'a> {
         }
     }
 
+    /// Adds to `out` what a wrench on what `leaf` moves last, about its reference point, adds to the generalised force in
+    /// `time`, while it changes by `change` and the joints' axes turn.
+    pub fn add_wrench_change(&self, leaf: Option<usize>, [wrench, change]: [&Spatial; 2], time: f64, out: &mut [f64]) {
+        for dof in leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf)) {
+            out[dof] += self.axis(dof).dot(change) + time * self.axis_rate(dof).dot(wrench);
+        }
+    }
+
+    fn axis_rate(&self, dof: usize) -> Spatial {
+        Spatial::from_column_slice(&self.axis_rate[6 * dof..6 * dof + 6])
+    }
+
     /// Acceleration of what `leaf` moves while no joint accelerates, `dJ/dt qvel`.
     pub fn turning(&self, leaf: Option<usize>) -> Spatial {
         let dofs = leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf));
-        dofs.fold(Spatial::zeros(), |sum, dof| {
-            sum + Spatial::from_column_slice(&self.axis_rate[6 * dof..6 * dof + 6]) * self.joint_velocity[dof]
-        })
+        dofs.fold(Spatial::zeros(), |sum, dof| sum + self.axis_rate(dof) * self.joint_velocity[dof])
     }
 
     /// `L` entries of `dof` for its ancestors, the nearest first.

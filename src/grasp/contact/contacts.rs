@@ -12,6 +12,10 @@ use nalgebra::Vector3;
 
 mod motion;
 
+/// A contact that moves as far between two whole steps has jumped, as the one point that stands for a face may do in every step
+/// \[m\].
+const JUMP: f64 = 1e-4;
+
 /// One contact between a link of the hand and the target, with the force that it exerts.
 ///
 /// Frame: world. Signs: `axes[0]`, the normal, points into the target; forces are those on the target; velocities are
@@ -59,6 +63,8 @@ pub struct GraspContact {
     pub slip_velocity: Vector3<f64>,
     /// The same contact in the last step, if it existed.
     warm_start: Option<WarmStart>,
+    /// How far the same contact's normal has tilted (as a rotation) and its point has come since it was read last.
+    displacement: Option<[Vector3<f64>; 2]>,
 }
 
 /// What a contact remembers of the last step, in this step's axes.
@@ -80,6 +86,7 @@ pub(in crate::grasp) struct SavedContact {
     /// The two geoms, in the engine's order.
     pub geoms: (usize, usize),
     pub position: Vector3<f64>,
+    pub normal: Vector3<f64>,
     /// Force of each row in the pass with soft contacts.
     pub main: [f64; 6],
     /// Friction force and torque, world axes.
@@ -99,6 +106,7 @@ impl SavedContact {
         SavedContact {
             geoms: contact.geoms,
             position: contact.position,
+            normal: *n,
             main: *main,
             friction,
             correction: contact.solved.then_some(correction),
@@ -106,9 +114,24 @@ impl SavedContact {
         }
     }
 
+    /// The memory in the axes of the same contact one step later.
+    fn warm_start(&self, contact: &GraspContact) -> WarmStart {
+        let [n, t1, t2] = &contact.axes;
+        let rows = |[force, torque]: &[Vector3<f64>; 2]| -> [f64; 5] {
+            [force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)]
+        };
+        WarmStart {
+            main: self.main,
+            friction: rows(&self.friction),
+            correction: self.correction.as_ref().map(rows),
+            active_sets: self.active_sets,
+        }
+    }
+
     /// True if every number is finite.
     pub fn is_finite(&self) -> bool {
-        let vectors = self.friction.iter().chain(self.correction.iter().flatten()).chain([&self.position]);
+        let vectors =
+            self.friction.iter().chain(self.correction.iter().flatten()).chain([&self.position, &self.normal]);
         vectors.flat_map(|v| v.iter()).chain(&self.main).all(|x| x.is_finite())
     }
 }
@@ -145,6 +168,11 @@ impl GraspContact {
             ActiveSet::Facet(saturated) => saturated != 0,
             ActiveSet::Open | ActiveSet::Stick => false,
         }
+    }
+
+    /// True if it is neither new nor has jumped.
+    fn is_where_it_was(&self) -> bool {
+        self.displacement.is_some_and(|[_, way]| way.norm() < JUMP)
     }
 
     /// The same contact in the last step; `None` for a new contact.
@@ -256,6 +284,7 @@ impl GraspContact {
             solved: false,
             slip_velocity: Vector3::zeros(),
             warm_start: None,
+            displacement: None,
         })
     }
 }
@@ -267,6 +296,8 @@ pub struct ContactSet {
     before: Vec<SavedContact>,
     /// `before` was given, and no step has been made since.
     restored: bool,
+    /// Readings since a contact came, went or jumped.
+    kept: usize,
 }
 
 impl ContactSet {
@@ -292,31 +323,24 @@ impl ContactSet {
             }
             if let Some(mut contact) = GraspContact::read(&contact, index, sim, topology) {
                 contact.check_numbers(sim)?;
-                contact.warm_start = self.remembered(&contact);
+                if let Some(before) = self.remembered(&contact) {
+                    contact.warm_start = Some(before.warm_start(&contact));
+                    contact.displacement =
+                        Some([before.normal.cross(&contact.axes[0]), contact.position - before.position]);
+                }
                 self.now.push(contact);
             }
         }
+        let same = self.now.len() == self.before.len() && self.now.iter().all(GraspContact::is_where_it_was);
+        self.kept = if same { self.kept + 1 } else { 0 };
         Ok(())
     }
 
     /// The nearest contact of the same two geoms in the last step.
-    fn remembered(&self, contact: &GraspContact) -> Option<WarmStart> {
+    fn remembered(&self, contact: &GraspContact) -> Option<&SavedContact> {
         let distance = |past: &SavedContact| (past.position - contact.position).norm_squared();
-        let before = self
-            .before
-            .iter()
-            .filter(|c| c.geoms == contact.geoms)
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let rows = |[force, torque]: &[Vector3<f64>; 2]| -> [f64; 5] {
-            let [n, t1, t2] = &contact.axes;
-            [force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)]
-        };
-        Some(WarmStart {
-            main: before.main,
-            friction: rows(&before.friction),
-            correction: before.correction.as_ref().map(rows),
-            active_sets: before.active_sets,
-        })
+        let alike = self.before.iter().filter(|c| c.geoms == contact.geoms);
+        alike.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 
     /// What the next step remembers of the contacts, into `out`.
@@ -335,15 +359,12 @@ impl ContactSet {
         self.before.clear();
         self.before.extend_from_slice(past);
         self.restored = true;
+        self.kept = 0;
     }
 
-    /// Whether these are the contacts of the last step, each moved by less than `reach` \[m\].
-    pub(in crate::grasp) fn are_those_of_before(&self, reach: f64) -> bool {
-        self.now.len() == self.before.len()
-            && self.now.iter().all(|c| {
-                c.warm_start().is_some()
-                    && self.before.iter().any(|b| b.geoms == c.geoms && (b.position - c.position).norm() < reach)
-            })
+    /// Number of readings since a contact came, went or jumped.
+    pub(in crate::grasp) fn kept(&self) -> usize {
+        self.kept
     }
 
     /// Reads the forces that the engine's own solve gave these contacts.

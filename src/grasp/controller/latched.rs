@@ -14,10 +14,6 @@ use crate::mujoco::{Cone, Contact, EqualityId, Simulation, Stamp};
 use nalgebra::Vector6;
 use std::ops::Range;
 
-/// A contact that moves as far between two whole steps has jumped, as the one point that stands for a face may do in every step
-/// \[m\].
-const JUMP: f64 = 1e-4;
-
 /// Where the rows of a solve come from.
 pub(in crate::grasp) enum Rows {
     /// They were made in this step; of the engine's, `welds` belong to merged grasps.
@@ -155,18 +151,18 @@ impl Grasp {
         Ok(())
     }
 
-    /// Adds the generalised forces that the last step's contact forces have on the present geometry to `out`; false if these
-    /// are other contacts, or have jumped.
-    pub(in crate::grasp) fn add_last_forces(&self, sim: &Simulation, out: &mut [f64]) -> bool {
-        let dynamics = Dynamics::of(sim);
-        for contact in self.set.contacts().iter().filter_map(GraspContact::with_last_forces) {
-            let [on_link, on_target] = contact.leaves;
-            for (body, leaf, sign) in [(contact.target, on_target, 1.0), (contact.link, on_link, -1.0)] {
-                let wrench = sign * contact.wrench_about(&dynamics.reference_point(body));
-                dynamics.add_wrench(leaf, &wrench, out);
-            }
+    /// Adds what the contact forces of the last step will add to the generalised force with each further step, as contacts
+    /// and joints' axes move on; `elapsed`: steps between the last two readings of the contacts.
+    pub(in crate::grasp) fn add_turn(&self, sim: &Simulation, elapsed: usize, out: &mut [f64]) {
+        let (dynamics, timestep) = (Dynamics::of(sim), sim.model().timestep());
+        for contact in self.set.contacts() {
+            contact.add_turn(&dynamics, timestep, elapsed, out);
         }
-        self.set.are_those_of_before(JUMP)
+    }
+
+    /// Number of whole steps since a contact came, went or jumped.
+    pub(in crate::grasp) fn steps_since_contacts_changed(&self) -> usize {
+        self.set.kept()
     }
 
     /// How fast the contacts slide whose friction is at its limit, in the last step \[m/s\].

@@ -1,6 +1,6 @@
 //! How the two bodies of a contact move there, and what of that the next step on frozen geometry takes on.
 
-use super::{GraspContact, WarmStart};
+use super::{GraspContact, WarmStart, spatial};
 use crate::grasp::cones::inverse_inertia::Dynamics;
 use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::Spatial;
@@ -67,14 +67,20 @@ impl GraspContact {
         self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets });
     }
 
-    /// The same contact with the last step's forces; `None` for a new one.
-    pub(in crate::grasp) fn with_last_forces(&self) -> Option<GraspContact> {
-        let memory = self.warm_start()?;
-        let mut contact = self.clone();
-        contact.force_rows[0] = memory.main[0];
-        contact.force_rows[1..].copy_from_slice(&memory.friction);
-        contact.update_force();
-        Some(contact)
+    /// Adds what the contact's force adds to the generalised force with each further step, to first order in time: its point and
+    /// normal go on as since the last reading, `elapsed` steps ago. With `dp` and `R` its way and rotation, `d(p x f) = dp x f + p x (R x f)`.
+    pub(in crate::grasp) fn add_turn(&self, dynamics: &Dynamics<'_>, timestep: f64, elapsed: usize, out: &mut [f64]) {
+        let [turn, move_] = self.displacement.unwrap_or_default().map(|since| since / elapsed as f64);
+        let force_change = turn.cross(&self.force);
+        let [on_link, on_target] = self.leaves;
+        for (body, leaf, sign) in [(self.target, on_target, 1.0), (self.link, on_link, -1.0)] {
+            let point = dynamics.reference_point(body);
+            let arm = self.position - point;
+            let torque_change = move_.cross(&self.force) + arm.cross(&force_change) + turn.cross(&self.torque);
+            let wrench = self.wrench_about(&point) * sign;
+            let change = spatial(&torque_change, &force_change) * sign;
+            dynamics.add_wrench_change(leaf, [&wrench, &change], timestep, out);
+        }
     }
 
     /// Tangential velocity of the target relative to the link, from the bodies' present velocities \[m/s\].
