@@ -14,25 +14,33 @@ use std::ptr::NonNull;
 use watch::Watch;
 
 /// A [`Simulation`] that works in place on a model and data of somebody else, who goes on using them between two
-/// [`visits`](Self::visit). After a visit the thread's handlers, the model's options and the counters of warnings are what
-/// `mj_step` would have left; what the owner changes in between is noticed at the next.
-#[derive(Debug)]
+/// [`visits`](Self::visit). After a visit the thread's handlers and the counters of warnings are what `mj_step` would have
+/// left; what the owner changes in between is noticed at the next. The model is never written: several threads may step data
+/// of their own with it.
 pub struct Borrowed {
     sim: Simulation,
-    arrays: [*const c_void; 2],
+    owners: NonNull<ffi::mjModel>,
+    /// What `sim` has for a model: the owner's arrays, and options of its own, which a step may change.
+    model: NonNull<ffi::mjModel>,
+    data: *const c_void,
     watch: Watch,
     warnings: Vec<Warning>,
 }
 
-// SAFETY: the pointers of `arrays` are only compared.
+// SAFETY: the memory is the value's alone, or lent to it, as that of a `Simulation`.
 unsafe impl Send for Borrowed {}
 
-/// Options that a step may change for its own time.
-struct Options {
-    disable: i32,
-    enable: i32,
-    noslip_iterations: i32,
-    jacobian: i32,
+impl Drop for Borrowed {
+    fn drop(&mut self) {
+        // SAFETY: it comes from a box, and `sim`, which is dropped next, does not touch a model that it does not own.
+        drop(unsafe { Box::from_raw(self.model.as_ptr()) });
+    }
+}
+
+impl std::fmt::Debug for Borrowed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Borrowed").field("sim", &self.sim).finish_non_exhaustive()
+    }
 }
 
 /// A warning's count and its last number.
@@ -48,18 +56,27 @@ impl Borrowed {
     /// # Safety
     /// `model` and `data` are an `mjModel` and an `mjData` that was made from it, both of the version of MuJoCo that the
     /// headers of this crate have, in the one library of this process. They stay valid and where they are for as long as the
-    /// value lives, with arrays of the same sizes. During a visit nobody else uses them.
+    /// value lives, with arrays of the same sizes; a `Simulation` must not be moved out of it. During a visit nobody else uses
+    /// the data or writes the model.
     pub unsafe fn new(model: NonNull<c_void>, data: NonNull<c_void>) -> Result<Self, Error> {
         if let Some(library) = compat::other_library() {
             return Err(Error::Version { header: compat::header_version(), library });
         }
+        let owners: NonNull<ffi::mjModel> = model.cast();
         guard::visit(|| {
-            // SAFETY: as the caller promises.
-            let compiled = unsafe { CompiledModel::lent(model.cast()) };
-            model::check(&compiled)
-                .map_err(|message| Error::Load { what: "the model that is borrowed".into(), message })?;
+            // SAFETY: as the caller promises; the structure is plain numbers and pointers.
+            let model = NonNull::from(Box::leak(Box::new(unsafe { owners.read() })));
+            // SAFETY: valid for as long as `Borrowed`, and so its arrays, as the caller promises.
+            let compiled = unsafe { CompiledModel::lent(model) };
+            let checked = model::check(&compiled);
             let sim = Simulation::from_parts(compiled, data.cast().as_ptr(), "borrow")?;
-            Ok(Self { arrays: arrays(&sim), watch: Watch::new(&sim), sim, warnings: Vec::new() })
+            let buffer = sim.data().buffer.cast_const();
+            let (watch, warnings) = (Watch::new(&sim), Vec::new());
+            let borrowed = Self { sim, owners, model, data: buffer, watch, warnings };
+            match checked {
+                Ok(()) => Ok(borrowed),
+                Err(message) => Err(Error::Load { what: "the model that is borrowed".into(), message }),
+            }
         })
     }
 
@@ -79,6 +96,7 @@ impl Borrowed {
         guard::visit(|| {
             self.check()?;
             self.sim.clear_interruption();
+            self.take_options();
             self.watch.look(&mut self.sim, frozen);
             let visit = Visit::begin(&mut self.sim, &mut self.warnings);
             let result = work(visit.sim);
@@ -93,8 +111,22 @@ impl Borrowed {
         std::mem::take(&mut self.warnings)
     }
 
+    /// The owner's options as they are now.
+    fn take_options(&mut self) {
+        let (model, _) = self.sim.pointers();
+        // SAFETY: both are valid, and the copy is this value's own.
+        unsafe {
+            (*model).opt = (*self.owners.as_ptr()).opt;
+            (*model).stat = (*self.owners.as_ptr()).stat;
+        }
+    }
+
     fn check(&self) -> Result<(), Error> {
-        if arrays(&self.sim) != self.arrays {
+        // SAFETY: valid, as the caller of `new` has promised.
+        let owners = unsafe { self.owners.as_ref() };
+        let here = self.sim.model_fields();
+        let model = (owners.buffer, owners.nbuffer) == (here.buffer, here.nbuffer);
+        if !model || self.sim.data().buffer.cast_const() != self.data {
             return Err(Error::Unsupported("the arrays of the model or of its data have moved: borrow them again".into()));
         }
         match callback() {
@@ -104,11 +136,6 @@ impl Borrowed {
             None => Ok(()),
         }
     }
-}
-
-/// Where the arrays are.
-fn arrays(sim: &Simulation) -> [*const c_void; 2] {
-    [sim.model_fields().buffer.cast_const(), sim.data().buffer.cast_const()]
 }
 
 /// A callback of the process that is not called where it would be in `mj_step`.
@@ -125,11 +152,12 @@ fn callback() -> Option<&'static str> {
     })
 }
 
-/// The owner's options and counters while they are replaced; they are back when it is dropped.
+/// The owner's counters while they are replaced; they are back when it is dropped.
 struct Visit<'a> {
     sim: &'a mut Simulation,
     warnings: &'a mut Vec<Warning>,
-    options: Options,
+    /// Options by which rows are stored and projected.
+    of_rows: (i32, i32),
     counters: [Counter; KINDS],
 }
 
@@ -144,13 +172,16 @@ impl<'a> Visit<'a> {
             before
         });
         sim.warnings = Warnings::default();
-        Self { options: Options::of(sim), sim, warnings, counters }
+        Self { of_rows: of_rows(sim), sim, warnings, counters }
     }
 }
 
 impl Drop for Visit<'_> {
     fn drop(&mut self) {
-        self.options.put_back(self.sim);
+        if of_rows(self.sim) != self.of_rows {
+            // The owner's options say something else of them.
+            self.sim.forget_contacts();
+        }
         let counted = self.sim.warnings.counted;
         let is_reset = [ffi::mjWARN_BADQPOS, ffi::mjWARN_BADQVEL, ffi::mjWARN_BADQACC];
         // A reset by the engine clears what was counted before it.
@@ -169,29 +200,10 @@ impl Drop for Visit<'_> {
     }
 }
 
-impl Options {
-    fn of(sim: &Simulation) -> Self {
-        let options = &sim.model_fields().opt;
-        Self {
-            disable: options.disableflags,
-            enable: options.enableflags,
-            noslip_iterations: options.noslip_iterations,
-            jacobian: options.jacobian,
-        }
-    }
-
-    fn put_back(&self, sim: &mut Simulation) {
-        let now = Self::of(sim);
-        if (now.noslip_iterations, now.jacobian) != (self.noslip_iterations, self.jacobian) {
-            // Rows are stored, and projected, as the options say.
-            sim.forget_contacts();
-        }
-        let (model, _) = sim.pointers();
-        // SAFETY: the visit is exclusive.
-        let options = unsafe { &mut (*model).opt };
-        (options.disableflags, options.enableflags) = (self.disable, self.enable);
-        (options.noslip_iterations, options.jacobian) = (self.noslip_iterations, self.jacobian);
-    }
+/// Iterations of the noslip solver, and storage of the Jacobian.
+fn of_rows(sim: &Simulation) -> (i32, i32) {
+    let options = &sim.model_fields().opt;
+    (options.noslip_iterations, options.jacobian)
 }
 
 #[cfg(test)]
