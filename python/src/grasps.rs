@@ -74,8 +74,10 @@ impl Grasps {
             let made = session.advance(advance);
             (made, session.take_warnings())
         });
-        made?;
-        if warnings.is_empty() { Ok(()) } else { warn(py, warnings) }
+        if !warnings.is_empty() {
+            warn(py, warnings)?;
+        }
+        made
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::errors::{EngineWarning, ResetError, of_engine, of_grasp};
 use mujoco_grasp::grasp::{Grasp, GraspId, Grasps, Limits, Phase};
-use mujoco_grasp::mujoco::{Borrowed, Warning};
+use mujoco_grasp::mujoco::{Borrowed, Warning, WarningKind};
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ffi::CString;
@@ -106,13 +106,16 @@ impl Session {
         Ok(())
     }
 
-    /// What the engine has warned of since the last call, as texts.
+    /// What the engine has warned of since the last call and is no error, as texts.
     pub fn take_warnings(&mut self) -> Vec<String> {
+        let is_no_error = |warning: &Warning| {
+            matches!(warning.kind, WarningKind::Inertia | WarningKind::DrawnShapesFull | WarningKind::Other)
+        };
         let text = |warning: Warning| match warning.text.is_empty() {
             true => format!("MuJoCo: {:?}, {} times, last at {} s", warning.kind, warning.count, warning.time),
             false => format!("MuJoCo: {}", warning.text),
         };
-        self.borrowed.take_warnings().into_iter().map(text).collect()
+        self.borrowed.take_warnings().into_iter().filter(is_no_error).map(text).collect()
     }
 }
 
