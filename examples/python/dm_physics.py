@@ -43,13 +43,13 @@ class GraspPhysics(Physics):
 
 
 def main():
-    """The grasp after a second."""
+    """The physics and its grasp after two seconds."""
     physics = GraspPhysics.from_xml_path(str(MODEL))
     grasp = physics.add_grasp("ball", palm="palm")
     with physics.reset_context():
         physics.named.data.qpos["lift"] = 0.0
-    while physics.time() < 1.0:
-        physics.set_control([0.03 if physics.time() > 0.5 else 0.0, 0.01, 0.01])
+    while physics.time() < 2.0:
+        physics.set_control([0.05 * min(1.0, max(0.0, physics.time() - 0.5)), 0.01, 0.01])
         physics.step(10)
     print(f"{grasp.phase}, ball at {physics.named.data.xpos['ball', 'z']:.3f} m")
     return physics, grasp

@@ -44,8 +44,8 @@ def main():
     phases = []
     for _ in range(2):
         env.reset(seed=0)
-        for step in range(50):
-            _, reward, _, _, info = env.step(np.array([0.03 if step > 25 else 0.0, 0.01, 0.01]))
+        for step in range(75):
+            _, reward, _, _, info = env.step(np.array([0.001 * max(0, step - 25), 0.01, 0.01]))
         phases.append(info["phase"])
         print(f"height {reward:.3f} m, {info['phase']}")
     env.close()

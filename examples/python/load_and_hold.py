@@ -17,7 +17,8 @@ def main():
     data = mujoco.MjData(model)
     grasps = mg.Grasps(model, data, target="ball")
     while data.time < 2.0:
-        data.ctrl[:] = [0.03 if data.time > 0.5 else 0.0, 0.01, 0.01]
+        lift = 0.05 * min(1.0, max(0.0, data.time - 0.5))
+        data.ctrl[:] = [lift, 0.01, 0.01]
         grasps.step(10)  # mujoco.mj_step(model, data, 10)
     grasp = grasps[0]
     print(f"{grasp.phase} since {grasp.latched_at:.3f} s, Q = {grasp.quality:.2f} N, {grasps.frozen_steps} frozen steps")

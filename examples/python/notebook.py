@@ -21,7 +21,7 @@ def main():
     frames = []
     with mujoco.Renderer(model, 240, 320) as renderer:
         while data.time < 1.0:
-            data.ctrl[:] = [0.03 if data.time > 0.5 else 0.0, 0.01, 0.01]
+            data.ctrl[:] = [0.05 * max(0.0, data.time - 0.5), 0.01, 0.01]
             grasps.step(20)
             renderer.update_scene(data)
             draw(grasps, renderer.scene)

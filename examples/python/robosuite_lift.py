@@ -6,11 +6,22 @@ robosuite's environments call step1, let the controller act, and call step2 ("li
 Steps of grasps are whole, so they take the place of step2 and of step; step1 stays, as the controller reads what it computes.
 """
 
+import types
+
+import mujoco
 import numpy as np
 import robosuite
 from robosuite.controllers import load_composite_controller_config
+from robosuite.controllers.parts import controller
+from robosuite.utils.binding_utils import MjData, MjModel
 
 import mujoco_grasp as mg
+
+# robosuite 1.5.2 is older than MuJoCo 3.17, and needs three lines for it: among MuJoCo's enums numpy's integers are not found
+# any more, and the inertia matrix is not called qM.
+MjModel.jnt_type = property(lambda model: model._model.jnt_type.tolist())
+MjData.qM = property(lambda data: data._data)
+controller.mujoco = types.SimpleNamespace(mj_fullM=lambda model, dense, data: mujoco.mj_fullM(model, data, dense))
 
 
 def add_grasps(env, target, **options):

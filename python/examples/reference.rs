@@ -1,13 +1,14 @@
 //! What the tests of the package compare with: the Rust library alone, stepped with inputs from a file.
 //!
 //! `reference MODEL KEYFRAME TARGET PALM N INPUTS OUTPUT`: for each call of `N` steps the inputs hold the controls, a wrench on
-//! the target, and 1 while the target's free joint is held at its start; the output has positions, velocities, quality, phase and time after
-//! it. All are `f64` in the machine's order.
+//! the target, and 1 while the target's free joint is held at its start; the output has positions, velocities, quality, phase
+//! and time after it. All are `f64` in the machine's order. It prints the median time of a call in the second half \[us\].
 
 use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use std::error::Error;
 use std::fs::{read, write};
+use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -24,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut grasps = Grasps::of(&sim, &GraspSpec::new(target, palm))?;
     sim.reset_to_keyframe(model.keyframe(keyframe)?)?;
     let start = sim.qpos()[q..q + 7].to_vec();
-    let mut results = Vec::new();
+    let (mut results, mut times) = (Vec::new(), Vec::new());
     for call in inputs.chunks_exact(model.nu() + 7) {
         let (controls, rest) = call.split_at(model.nu());
         if rest[6] == 1.0 {
@@ -33,11 +34,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         sim.ctrl_mut().copy_from_slice(controls);
         sim.xfrc_applied_mut()[6 * target.index()..6 * target.index() + 6].copy_from_slice(&rest[..6]);
+        let began = Instant::now();
         grasps.steps(&mut sim, n)?;
+        times.push(began.elapsed().as_nanos());
         let grasp = &grasps[GraspId::FIRST];
         let phase = f64::from(u8::from(grasp.phase() == Phase::Grasped));
         results.extend(sim.qpos().iter().chain(sim.qvel()).chain(&[grasp.quality(), phase, sim.time()]).copied());
     }
     let bytes: Vec<u8> = results.into_iter().flat_map(f64::to_ne_bytes).collect();
-    Ok(write(output, bytes)?)
+    write(output, bytes)?;
+    let late = times.len() / 2;
+    let (_, median, _) = times[late..].select_nth_unstable((times.len() - late) / 2);
+    println!("{}", *median as f64 * 1e-3);
+    Ok(())
 }

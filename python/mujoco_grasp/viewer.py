@@ -17,8 +17,8 @@ def draw(
     grasps: Grasps,
     scene: mujoco.MjvScene,
     *,
-    metres_per_newton: float = 0.01,
-    size: float = 0.002,
+    metres_per_newton: float | None = None,
+    size: float = 0.004,
     labels: bool = True,
     clear: bool = False,
 ) -> int:
@@ -30,7 +30,7 @@ def draw(
     Args:
         grasps: What is drawn, as of the last step.
         scene: Where to; what does not fit in `maxgeom` is left out.
-        metres_per_newton: Length of the arrows, m/N.
+        metres_per_newton: Length of the arrows, m/N; None: 5 cm for the target's weight on earth.
         size: Radius of the spheres, m; arrows are half as thick.
         labels: Whether phases are written.
         clear: Whether what is in the scene goes first: wanted for a viewer's `user_scn`, which keeps it.
@@ -43,12 +43,14 @@ def draw(
     before = scene.ngeom
     for grasp in grasps:
         latched = grasp.is_grasped
+        weight = 9.81 * float(grasps.model.body_subtreemass[grasp.target_id])
+        scale = 0.05 / weight if metres_per_newton is None else metres_per_newton
         for contact in grasp.contacts():
             colour = (SLIDES if contact.is_sliding else STICKS) if latched else UNGRASPED
             position = contact.position
             _add(scene, _SPHERE, np.full(3, size), position, colour)
             if contact.normal_force > 0:
-                tip = position + metres_per_newton * contact.force
+                tip = position + scale * contact.force
                 arrow = _add(scene, _ARROW, np.zeros(3), position, colour)
                 if arrow is not None:
                     mujoco.mjv_connector(arrow, _ARROW, size / 2, position, tip)

@@ -22,7 +22,8 @@ mod py {
 }
 
 pub use py::{
-    BusyError, DivergedError, EngineWarning, ModelError, ResetError, ScenarioError, SpecError, StateError, UnknownNameError,
+    BusyError, DivergedError, EngineWarning, ModelError, ResetError, ScenarioError, SpecError, StateError,
+    UnknownNameError,
 };
 
 /// Of the binding.

@@ -126,7 +126,9 @@ pub fn run_json(
         "grasp" => &[Mode::Grasp],
         "both" => &[Mode::Full, Mode::Grasp],
         other => {
-            return Err(ScenarioError::new_err(format!("mode is {other:?}; it must be \"full\", \"grasp\" or \"both\"")));
+            return Err(ScenarioError::new_err(format!(
+                "mode is {other:?}; it must be \"full\", \"grasp\" or \"both\""
+            )));
         }
     };
     if let Some(out) = &out {

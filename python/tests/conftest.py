@@ -93,8 +93,9 @@ def reference(inputs, n, folder):
     return np.fromfile(folder / "outputs").reshape(len(inputs), -1)
 
 
-def in_another_process(code):
+def in_another_process(code, **environment):
     """What Python code prints in a process of its own: whatever it does to it, this one lives."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    environment = {**os.environ, **environment}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT, check=False)
     assert done.returncode == 0, f"status {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done.stdout.strip()

@@ -127,7 +127,9 @@ impl Borrowed {
         let here = self.sim.model_fields();
         let model = (owners.buffer, owners.nbuffer) == (here.buffer, here.nbuffer);
         if !model || self.sim.data().buffer.cast_const() != self.data {
-            return Err(Error::Unsupported("the arrays of the model or of its data have moved: borrow them again".into()));
+            return Err(Error::Unsupported(
+                "the arrays of the model or of its data have moved: borrow them again".into(),
+            ));
         }
         match callback() {
             Some(name) => Err(Error::Unsupported(format!(

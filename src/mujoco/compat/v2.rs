@@ -440,6 +440,7 @@ pub(in crate::mujoco) fn collision_kinds(m: &ffi::mjModel) -> (bool, bool) {
 ///
 /// # Safety
 /// The geom is initialised.
+#[cfg_attr(not(feature = "render"), allow(dead_code))]
 pub(in crate::mujoco) unsafe fn connect(
     geom: *mut ffi::mjvGeom,
     kind: i32,

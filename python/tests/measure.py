@@ -1,0 +1,55 @@
+"""What a call from Python costs beside the Rust step, with a latched hand: python/tests/measure.py REFERENCE.
+
+REFERENCE is the program `reference` of the crate, which prints the time of its own steps. Both are measured in turns, and the
+least of many short stretches counts: what is left is the work, not what else the machine does.
+"""
+
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+import mujoco
+import numpy as np
+from conftest import CLUTCH, Clutch
+
+STEPS, TURNS = 5000, 5
+
+
+def python(inputs, n):
+    """Time of a call while latched, us: the medians of the second half."""
+    clutch = Clutch()
+    times = []
+    for row in inputs:
+        clutch.apply(row)
+        began = time.perf_counter_ns()
+        clutch.grasps.step(n)
+        times.append(time.perf_counter_ns() - began)
+    return np.median(times[len(times) // 2 :]) / 1e3
+
+
+def rust(program, inputs, n):
+    """The same of the reference."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        (folder / "inputs").write_bytes(inputs.tobytes())
+        environment = {**os.environ, "LD_LIBRARY_PATH": str(pathlib.Path(mujoco.__file__).parent)}
+        args = [program, CLUTCH, "grasp", "ball", "palm", str(n), folder / "inputs", folder / "outputs"]
+        out = subprocess.run(args, env=environment, check=True, capture_output=True, text=True).stdout
+        return float(out)
+
+
+def main():
+    program = sys.argv[1]
+    for n in (1, 10):
+        inputs = Clutch().inputs(STEPS, n)
+        turns = [(rust(program, inputs, n), python(inputs, n)) for _ in range(TURNS)]
+        of_rust, of_python = np.min(turns, axis=0)
+        print(f"MuJoCo {mujoco.__version__}: step({n}): Rust {of_rust:.2f} us, Python {of_python:.2f} us a call, ", end="")
+        print(f"{of_python - of_rust:+.2f} us, {100 * (of_python / of_rust - 1):+.1f} %")
+
+
+if __name__ == "__main__":
+    main()
