@@ -18,6 +18,7 @@ from ._load import load as _load
 from ._load import served as served_versions
 
 _core = _load()
+Batch = _core.Batch
 Contact = _core.Contact
 Grasp = _core.Grasp
 Grasps = _core.Grasps
@@ -30,6 +31,7 @@ from .errors import *  # noqa: E402, F403
 from .scenario import agree, bench, run, scenarios  # noqa: E402
 
 __all__ = [
+    "Batch",
     "Contact",
     "Grasp",
     "Grasps",

@@ -163,6 +163,88 @@ class Grasps:
     def __iter__(self) -> Iterator[Grasp]: ...
 
 @final
+class Batch:
+    """Simulations of one model, stepped side by side on all cores, each with an `MjData` and `Grasps` of its own.
+
+    `data` and `grasps` are at your disposal between two calls. What a simulation does depends on nothing but its own inputs:
+    results are the same bit for bit with any number of threads, and those of its grasps stepped alone.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        nsim: int,
+        target: Body | None = None,
+        palm: Body | None = None,
+        *,
+        threads: int | None = None,
+        frozen_tolerance: float = 1e-3,
+        effectors: Sequence[Body] = (),
+        latch_quality: float | None = None,
+        release_quality: float | None = None,
+        latch_time: float = 0.05,
+        release_time: float = 0.05,
+        limits: Limits = "cones",
+        relaxed: Sequence[Axis] = ("x", "y", "z", "rx", "ry", "rz"),
+        axes: Sequence[float] = (1, 0, 0, 0),
+        solref: Sequence[float] | None = None,
+        solimp: Sequence[float] | None = None,
+        relaxed_solref: Sequence[float] | None = None,
+        relaxed_solimp: Sequence[float] | None = None,
+    ) -> None:
+        """`nsim` simulations at the model's initial configuration, on `threads` threads (None: as many as there are cores).
+
+        Options and errors as for `Grasps`. The model is shared and never written.
+        """
+
+    def step(
+        self, n: int = 1, *, ctrl: npt.ArrayLike | None = None, xfrc_applied: npt.ArrayLike | None = None
+    ) -> None:
+        """Advances each simulation by `n` steps, as `Grasps.step`, with the GIL released.
+
+        Args:
+            n: Steps.
+            ctrl: Controls, shape (nsim, nu); None: as they are in each data.
+            xfrc_applied: Wrenches on bodies, [force; torque] at their centres of mass, world axes, N and N m, shape
+                (nsim, nbody, 6); None: as they are in each data.
+
+        Raises:
+            SpecError: Arrays of other shapes.
+            Error: The first error of a simulation, with a note of which; the others have gone on.
+        """
+
+    def reset(self, keyframe: str | None = None) -> None:
+        """Resets all data to the initial configuration or a keyframe, and all grasps."""
+
+    @property
+    def qpos(self) -> Vector:
+        """Positions, shape (nsim, nq), a copy; may be set."""
+    @qpos.setter
+    def qpos(self, qpos: npt.ArrayLike) -> None: ...
+    @property
+    def qvel(self) -> Vector:
+        """Velocities, shape (nsim, nv), a copy; may be set."""
+    @qvel.setter
+    def qvel(self, qvel: npt.ArrayLike) -> None: ...
+    @property
+    def sensordata(self) -> Vector:
+        """Shape (nsim, nsensordata), a copy."""
+    @property
+    def time(self) -> Vector:
+        """s, shape (nsim,)"""
+    @property
+    def is_grasped(self) -> npt.NDArray[np.bool_]:
+        """Shape (nsim, number of grasps)."""
+    @property
+    def quality(self) -> Vector:
+        """N, shape (nsim, number of grasps)."""
+    @property
+    def data(self) -> tuple[mujoco.MjData, ...]: ...
+    @property
+    def grasps(self) -> tuple[Grasps, ...]: ...
+    def __len__(self) -> int: ...
+
+@final
 class Grasp:
     """One of the `Grasps`; all numbers are those of the last step."""
 

@@ -24,7 +24,7 @@ pub struct Grasps {
 static STEPPED: Mutex<Option<HashSet<usize>>> = Mutex::new(None);
 
 /// While it lives nobody else can have the data at this address.
-struct Stepping(usize);
+pub struct Stepping(usize);
 
 impl Stepping {
     fn begin(address: usize) -> PyResult<Self> {
@@ -62,16 +62,25 @@ impl Grasps {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Session> {
+    /// The session, once nobody else has it; not to be waited for with the GIL.
+    pub fn lock(&self) -> MutexGuard<'_, Session> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn advance(&self, py: Python<'_>, advance: Advance) -> PyResult<()> {
+    /// That a step may begin; while the result lives nobody else can.
+    ///
+    /// # Errors
+    /// Memory that has moved; another thread that is stepping the data.
+    pub fn begin(&self, py: Python<'_>) -> PyResult<Stepping> {
         self.owner.check(py)?;
-        let _stepping = Stepping::begin(self.owner.data_address())?;
+        Stepping::begin(self.owner.data_address())
+    }
+
+    fn advance(&self, py: Python<'_>, advance: Advance) -> PyResult<()> {
+        let _stepping = self.begin(py)?;
         let (made, warnings) = py.detach(|| {
             let mut session = self.lock();
-            let made = session.advance(advance);
+            let made = session.advance(advance, |_| ());
             (made, session.take_warnings())
         });
         if !warnings.is_empty() {
@@ -85,7 +94,7 @@ impl Grasps {
 impl Grasps {
     #[new]
     #[pyo3(signature = (model, data, target=None, palm=None, *, frozen_tolerance=None, **options))]
-    fn new(
+    pub fn new(
         model: &Bound<'_, PyAny>,
         data: &Bound<'_, PyAny>,
         target: Option<&Bound<'_, PyAny>>,
@@ -116,7 +125,7 @@ impl Grasps {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Grasp> {
         let grasps = slf.get();
-        let _stepping = Stepping::begin(grasps.owner.data_address())?;
+        let _stepping = grasps.begin(slf.py())?;
         let index = add(&mut grasps.lock(), target, palm, options)?;
         Ok(Grasp::new(slf.clone().unbind(), index))
     }
@@ -132,22 +141,14 @@ impl Grasps {
     }
 
     fn monitor(&self, py: Python<'_>) -> PyResult<()> {
-        self.owner.check(py)?;
-        let _stepping = Stepping::begin(self.owner.data_address())?;
+        let _stepping = self.begin(py)?;
         let Session { borrowed, grasps, .. } = &mut *self.lock();
         let visited = borrowed.visit(false, |sim| grasps.monitor(sim)).map_err(of_engine)?;
         visited.map_err(of_grasp)
     }
 
     fn reset(&self, py: Python<'_>) {
-        self.with(py, |session| {
-            session.grasps.iter_mut().for_each(|grasp| {
-                grasp.allow_latch(true);
-                grasp.release();
-            });
-            session.clocks.fill(Default::default());
-            session.forget_time();
-        });
+        self.with(py, Session::reset);
     }
 
     fn save(&self, py: Python<'_>) -> State {

@@ -4,6 +4,7 @@
 //! the wheel's own `MjModel` and `MjData`. The package chooses the core by `mujoco.mj_version()` and documents what is here.
 #![deny(unsafe_code)]
 
+mod batch;
 mod contact;
 mod errors;
 mod grasp;
@@ -19,6 +20,8 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::batch::Batch;
     #[pymodule_export]
     use crate::contact::Contact;
     #[pymodule_export]

@@ -2,7 +2,7 @@
 
 use crate::errors::{EngineWarning, ResetError, of_engine, of_grasp};
 use mujoco_grasp::grasp::{Grasp, GraspId, Grasps, Limits, Phase};
-use mujoco_grasp::mujoco::{Borrowed, Warning, WarningKind};
+use mujoco_grasp::mujoco::{Borrowed, Simulation, Warning, WarningKind};
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ffi::CString;
@@ -58,16 +58,48 @@ impl Session {
         self.grasps.ids().nth(index)
     }
 
+    /// All grasps are as when they were added.
+    pub fn reset(&mut self) {
+        for grasp in self.grasps.iter_mut() {
+            grasp.allow_latch(true);
+            grasp.release();
+        }
+        self.clocks.fill(Clock::default());
+        self.forget_time();
+    }
+
+    /// The same, with the data: to its initial configuration, or to a keyframe.
+    ///
+    /// # Errors
+    /// A keyframe that does not exist.
+    pub fn reset_data(&mut self, keyframe: Option<&str>) -> PyResult<()> {
+        let reset = self.borrowed.visit(false, |sim| match keyframe {
+            Some(name) => sim.model().keyframe(name).and_then(|key| sim.reset_to_keyframe(key)),
+            None => sim.reset(),
+        });
+        reset.and_then(|reset| reset).map_err(of_engine)?;
+        self.reset();
+        Ok(())
+    }
+
+    /// Writes the data's state.
+    ///
+    /// # Errors
+    /// The library's.
+    pub fn write(&mut self, work: impl FnOnce(&mut Simulation)) -> PyResult<()> {
+        self.borrowed.visit(false, work).map_err(of_engine)
+    }
+
     /// The data's time may go back: what the grasps have seen is not of it any more.
     pub fn forget_time(&mut self) {
         self.time = f64::NAN;
     }
 
-    /// Advances the simulation.
+    /// Advances the simulation, once `inputs` has written controls and loads.
     ///
     /// # Errors
     /// The library's; [`ResetError`] where the data has gone back in time under a latched grasp.
-    pub fn advance(&mut self, advance: Advance) -> PyResult<()> {
+    pub fn advance(&mut self, advance: Advance, inputs: impl FnOnce(&mut Simulation)) -> PyResult<()> {
         self.check_time()?;
         let (n, ends_whole) = match advance {
             Advance::Steps(0) => return Ok(()),
@@ -76,6 +108,7 @@ impl Session {
         };
         let Self { borrowed, grasps, clocks, .. } = self;
         let result = borrowed.visit(n > 1 || !ends_whole, |sim| {
+            inputs(sim);
             let mut steps = || {
                 for i in 1..=n {
                     let time = sim.time();
