@@ -1,6 +1,6 @@
 """A gymnasium environment whose steps are those of its grasps: one base more, nothing else.
 
-    python examples/python/gym_env.py
+python examples/python/gym_env.py
 """
 
 import pathlib

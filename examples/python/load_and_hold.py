@@ -1,12 +1,11 @@
 """The whole of it: one line in the place of mj_step.
 
-    python examples/python/load_and_hold.py
+python examples/python/load_and_hold.py
 """
 
 import pathlib
 
 import mujoco
-
 import mujoco_grasp as mg
 
 MODEL = pathlib.Path(__file__).parents[1] / "gripper.xml"

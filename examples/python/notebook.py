@@ -1,12 +1,11 @@
 """Pictures of a grasp without a display, as in a notebook, where `frames[-1]` is shown by `mediapy` or Pillow.
 
-    MUJOCO_GL=egl python examples/python/notebook.py
+MUJOCO_GL=egl python examples/python/notebook.py
 """
 
 import pathlib
 
 import mujoco
-
 import mujoco_grasp as mg
 from mujoco_grasp.viewer import draw
 

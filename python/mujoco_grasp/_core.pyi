@@ -2,17 +2,18 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from typing import Literal, final
+from typing import Literal, Self, final
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
-Body = str | int
+import mujoco
+
+_Body = str | int
 """A body by its name, or by its number for one without a name."""
-Limits = Literal["cones", "box", "rigid"]
-Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
-Vector = npt.NDArray[np.float64]
+_Limits = Literal["cones", "box", "rigid"]
+_Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+_Vector = npt.NDArray[np.float64]
 
 @final
 class Grasps:
@@ -26,27 +27,27 @@ class Grasps:
     One thread at a time may step a data. The GIL is released meanwhile, as by `mj_step`.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        target: Body | None = None,
-        palm: Body | None = None,
+        target: _Body | None = None,
+        palm: _Body | None = None,
         *,
-        effectors: Sequence[Body] = (),
+        effectors: Sequence[_Body] = (),
         latch_quality: float | None = None,
         release_quality: float | None = None,
         latch_time: float = 0.05,
         release_time: float = 0.05,
-        limits: Limits = "cones",
-        relaxed: Sequence[Axis] = ("x", "y", "z", "rx", "ry", "rz"),
+        limits: _Limits = "cones",
+        relaxed: Sequence[_Axis] = ("x", "y", "z", "rx", "ry", "rz"),
         axes: Sequence[float] = (1, 0, 0, 0),
         solref: Sequence[float] | None = None,
         solimp: Sequence[float] | None = None,
         relaxed_solref: Sequence[float] | None = None,
         relaxed_solimp: Sequence[float] | None = None,
         frozen_tolerance: float = 1e-3,
-    ) -> None:
+    ) -> Self:
         """Borrows model and data, with one grasp if a target is given.
 
         Args:
@@ -81,23 +82,23 @@ class Grasps:
 
     def add(
         self,
-        target: Body,
-        palm: Body | None = None,
+        target: _Body,
+        palm: _Body | None = None,
         *,
-        effectors: Sequence[Body] = (),
+        effectors: Sequence[_Body] = (),
         latch_quality: float | None = None,
         release_quality: float | None = None,
         latch_time: float = 0.05,
         release_time: float = 0.05,
-        limits: Limits = "cones",
-        relaxed: Sequence[Axis] = ("x", "y", "z", "rx", "ry", "rz"),
+        limits: _Limits = "cones",
+        relaxed: Sequence[_Axis] = ("x", "y", "z", "rx", "ry", "rz"),
         axes: Sequence[float] = (1, 0, 0, 0),
         solref: Sequence[float] | None = None,
         solimp: Sequence[float] | None = None,
         relaxed_solref: Sequence[float] | None = None,
         relaxed_solimp: Sequence[float] | None = None,
     ) -> Grasp:
-        """Adds a grasp; options and errors as above. Those that move each other are solved as one problem."""
+        """Adds a grasp; options and errors as of the class. Those that move each other are solved as one problem."""
 
     def step(self, n: int = 1) -> None:
         """Advances the data by `n` steps with the same controls, instead of `mj_step(model, data, n)`.
@@ -159,7 +160,7 @@ class Grasps:
     @property
     def data(self) -> mujoco.MjData: ...
     def __len__(self) -> int: ...
-    def __getitem__(self, index: int) -> Grasp: ...
+    def __getitem__(self, index: int, /) -> Grasp: ...
     def __iter__(self) -> Iterator[Grasp]: ...
 
 @final
@@ -170,36 +171,34 @@ class Batch:
     results are the same bit for bit with any number of threads, and those of its grasps stepped alone.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         model: mujoco.MjModel,
         nsim: int,
-        target: Body | None = None,
-        palm: Body | None = None,
+        target: _Body | None = None,
+        palm: _Body | None = None,
         *,
         threads: int | None = None,
         frozen_tolerance: float = 1e-3,
-        effectors: Sequence[Body] = (),
+        effectors: Sequence[_Body] = (),
         latch_quality: float | None = None,
         release_quality: float | None = None,
         latch_time: float = 0.05,
         release_time: float = 0.05,
-        limits: Limits = "cones",
-        relaxed: Sequence[Axis] = ("x", "y", "z", "rx", "ry", "rz"),
+        limits: _Limits = "cones",
+        relaxed: Sequence[_Axis] = ("x", "y", "z", "rx", "ry", "rz"),
         axes: Sequence[float] = (1, 0, 0, 0),
         solref: Sequence[float] | None = None,
         solimp: Sequence[float] | None = None,
         relaxed_solref: Sequence[float] | None = None,
         relaxed_solimp: Sequence[float] | None = None,
-    ) -> None:
+    ) -> Self:
         """`nsim` simulations at the model's initial configuration, on `threads` threads (None: as many as there are cores).
 
         Options and errors as for `Grasps`. The model is shared and never written.
         """
 
-    def step(
-        self, n: int = 1, *, ctrl: npt.ArrayLike | None = None, xfrc_applied: npt.ArrayLike | None = None
-    ) -> None:
+    def step(self, n: int = 1, *, ctrl: npt.ArrayLike | None = None, xfrc_applied: npt.ArrayLike | None = None) -> None:
         """Advances each simulation by `n` steps, as `Grasps.step`, with the GIL released.
 
         Args:
@@ -217,26 +216,26 @@ class Batch:
         """Resets all data to the initial configuration or a keyframe, and all grasps."""
 
     @property
-    def qpos(self) -> Vector:
+    def qpos(self) -> _Vector:
         """Positions, shape (nsim, nq), a copy; may be set."""
     @qpos.setter
     def qpos(self, qpos: npt.ArrayLike) -> None: ...
     @property
-    def qvel(self) -> Vector:
+    def qvel(self) -> _Vector:
         """Velocities, shape (nsim, nv), a copy; may be set."""
     @qvel.setter
     def qvel(self, qvel: npt.ArrayLike) -> None: ...
     @property
-    def sensordata(self) -> Vector:
+    def sensordata(self) -> _Vector:
         """Shape (nsim, nsensordata), a copy."""
     @property
-    def time(self) -> Vector:
+    def time(self) -> _Vector:
         """s, shape (nsim,)"""
     @property
     def is_grasped(self) -> npt.NDArray[np.bool_]:
         """Shape (nsim, number of grasps)."""
     @property
-    def quality(self) -> Vector:
+    def quality(self) -> _Vector:
         """N, shape (nsim, number of grasps)."""
     @property
     def data(self) -> tuple[mujoco.MjData, ...]: ...
@@ -264,7 +263,7 @@ class Grasp:
     def effectors(self) -> list[str]:
         """Links that may hold the target."""
     @property
-    def limits(self) -> Limits: ...
+    def limits(self) -> _Limits: ...
     @property
     def phase(self) -> Literal["ungrasped", "grasped"]: ...
     @property
@@ -294,7 +293,7 @@ class Grasp:
     def bounds(self) -> tuple[float, float] | None:
         """Largest force (N) and torque (N m) in the next step for each axis, "box" while grasped."""
     @property
-    def merged_wrench(self) -> Vector | None:
+    def merged_wrench(self) -> _Vector | None:
         """Wrench of the weld on the target about its centre of mass, in the grasp's axes, [force; torque], N and N m."""
     def contacts(self) -> list[Contact]:
         """Contacts between hand and target, with their live forces, latched or not."""
@@ -323,28 +322,28 @@ class Contact:
     def geoms(self) -> tuple[int, int]:
         """Both geoms, in MuJoCo's order."""
     @property
-    def position(self) -> Vector:
+    def position(self) -> _Vector:
         """Midpoint between the two surfaces, m, shape (3,)."""
     @property
-    def normal(self) -> Vector:
+    def normal(self) -> _Vector:
         """Unit normal into the target, shape (3,)."""
     @property
-    def axes(self) -> Vector:
+    def axes(self) -> _Vector:
         """Normal and two tangents as rows, shape (3, 3)."""
     @property
-    def force(self) -> Vector:
+    def force(self) -> _Vector:
         """On the target, N, shape (3,)."""
     @property
-    def torque(self) -> Vector:
+    def torque(self) -> _Vector:
         """On the target, besides that of `force` at `position`, N m, shape (3,)."""
     @property
-    def force_rows(self) -> Vector:
+    def force_rows(self) -> _Vector:
         """Along and about `axes`: normal, two tangents (N), spin, two rolling (N m), shape (6,)."""
     @property
     def normal_force(self) -> float:
         """N, never negative."""
     @property
-    def slip_velocity(self) -> Vector:
+    def slip_velocity(self) -> _Vector:
         """Tangential velocity of the target relative to the link, m/s, shape (3,)."""
     @property
     def is_sliding(self) -> bool:
@@ -355,7 +354,7 @@ class Contact:
     @property
     def condim(self) -> int: ...
     @property
-    def friction(self) -> Vector:
+    def friction(self) -> _Vector:
         """Two tangential coefficients, spin (m), two rolling (m), shape (5,)."""
 
 @final
@@ -392,6 +391,8 @@ class State:
     def from_json(text: str) -> State:
         """Raises `StateError` for a text that is no state."""
     def to_json(self) -> str: ...
+    def __copy__(self) -> State: ...
+    def __deepcopy__(self, memo: object, /) -> State: ...
     def __len__(self) -> int: ...
 
 def mujoco_version() -> str:
@@ -415,9 +416,7 @@ def run_json(
     duration: float | None,
     out: str | os.PathLike[str] | None,
 ) -> str: ...
-def bench_json(
-    scenario: str, steps: int, substeps: int, limits: str | None, frozen_tolerance: float | None
-) -> str: ...
+def bench_json(scenario: str, steps: int, substeps: int, limits: str | None, frozen_tolerance: float | None) -> str: ...
 def agree_json(
     scenario: str,
     trials: int,

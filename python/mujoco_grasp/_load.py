@@ -50,8 +50,7 @@ def load() -> types.ModuleType:
     name = f"{__package__}._core"
     # The core needs the library by its soname alone: `import mujoco` has put it into the process.
     loader = importlib.machinery.ExtensionFileLoader(name, str(CORES / version / "_core.abi3.so"))
-    spec = importlib.util.spec_from_file_location(name, loader.path, loader=loader)
-    core = importlib.util.module_from_spec(spec)
+    core = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, loader, origin=loader.path))
     loader.exec_module(core)
     sys.modules[name] = core
     return core

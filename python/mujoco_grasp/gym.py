@@ -2,6 +2,8 @@
 
 from typing import Any, ClassVar
 
+import numpy.typing as npt
+
 import mujoco
 
 from . import Grasps
@@ -19,6 +21,10 @@ class GraspMixin:
     grasp_options: ClassVar[dict[str, Any]] = {}
     """Options of `mujoco_grasp.Grasps`, with the target."""
 
+    # of the environment
+    model: mujoco.MjModel
+    data: mujoco.MjData
+
     _grasps: Grasps | None = None
 
     @property
@@ -28,12 +34,12 @@ class GraspMixin:
             self._grasps = Grasps(self.model, self.data, **self.grasp_options)
         return self._grasps
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Resets the environment, and with it the grasps."""
         self.grasps.reset()
-        return super().reset(seed=seed, options=options)
+        return super().reset(seed=seed, options=options)  # type: ignore[misc, no-any-return]
 
-    def _step_mujoco_simulation(self, ctrl, n_frames):
+    def _step_mujoco_simulation(self, ctrl: npt.ArrayLike, n_frames: int) -> None:
         self.data.ctrl[:] = ctrl
         self.grasps.step(n_frames)
         # As MujocoEnv does: cfrc_ext and the like, which mj_step computes only for sensors.

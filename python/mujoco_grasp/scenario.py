@@ -279,7 +279,7 @@ class AgreeReport:
 
 def scenarios() -> list[Listed]:
     """The built-in scenarios, by the names that `run`, `bench` and `agree` take."""
-    return _read(list[Listed], json.loads(scenarios_json()))
+    return [Listed(**listed) for listed in json.loads(scenarios_json())]
 
 
 def run(
@@ -309,7 +309,8 @@ def run(
         ScenarioError: Bad input; the text names file and field.
     """
     text = run_json(os.fspath(scenario), mode, push, limits, noslip, frozen_tolerance, duration, out)
-    return _read(RunReport, json.loads(text))
+    report: RunReport = _read(RunReport, json.loads(text))
+    return report
 
 
 def bench(
@@ -325,7 +326,9 @@ def bench(
     Raises:
         ScenarioError: Bad input; the text names file and field.
     """
-    return _read(BenchReport, json.loads(bench_json(os.fspath(scenario), steps, substeps, limits, frozen_tolerance)))
+    text = bench_json(os.fspath(scenario), steps, substeps, limits, frozen_tolerance)
+    report: BenchReport = _read(BenchReport, json.loads(text))
+    return report
 
 
 def agree(
@@ -343,7 +346,8 @@ def agree(
         ScenarioError: Bad input; the text names file and field.
     """
     text = agree_json(os.fspath(scenario), trials, seed, limits, noslip, frozen_tolerance)
-    return _read(AgreeReport, json.loads(text))
+    report: AgreeReport = _read(AgreeReport, json.loads(text))
+    return report
 
 
 def _read(kind: typing.Any, value: typing.Any) -> typing.Any:
@@ -353,7 +357,7 @@ def _read(kind: typing.Any, value: typing.Any) -> typing.Any:
         return None if value is None else _read(next(a for a in arguments if a is not type(None)), value)
     if origin is list:
         return [_read(arguments[0], item) for item in value]
-    if dataclasses.is_dataclass(kind):
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         return kind(**{name: _read(hints[name], item) for name, item in value.items()})
     return value

@@ -1,9 +1,13 @@
 """Grasps drawn into a scene: for the passive viewer's `user_scn`, a `mujoco.Renderer`'s `scene`, or any `MjvScene`."""
 
-import mujoco
 import numpy as np
+import numpy.typing as npt
+
+import mujoco
 
 from . import Grasps
+
+Colour = npt.NDArray[np.float32]
 
 STICKS = np.array([0.2, 0.8, 0.3, 1.0], np.float32)
 SLIDES = np.array([0.95, 0.45, 0.1, 1.0], np.float32)
@@ -40,7 +44,7 @@ def draw(
     """
     if clear:
         scene.ngeom = 0
-    before = scene.ngeom
+    before = int(scene.ngeom)
     for grasp in grasps:
         latched = grasp.is_grasped
         weight = 9.81 * float(grasps.model.body_subtreemass[grasp.target_id])
@@ -59,10 +63,12 @@ def draw(
             label = _add(scene, _LABEL, np.full(3, size), place, np.ones(4, np.float32))
             if label is not None:
                 label.label = f"{grasp.target}: {grasp.phase}, Q = {grasp.quality:.2f} N"
-    return scene.ngeom - before
+    return int(scene.ngeom) - before
 
 
-def _add(scene, kind, size, position, colour):
+def _add(
+    scene: mujoco.MjvScene, kind: int, size: npt.NDArray[np.float64], position: npt.NDArray[np.float64], colour: Colour
+) -> mujoco.MjvGeom | None:
     if scene.ngeom >= scene.maxgeom:
         return None
     geom = scene.geoms[scene.ngeom]

@@ -132,6 +132,7 @@ impl Batch {
         Ok(Self { pool, members, data: PyTuple::new(py, data)?.unbind(), sizes })
     }
 
+    /// Advances each simulation by `n` steps, as `Grasps.step`, with the GIL released.
     #[pyo3(signature = (n=1, *, ctrl=None, xfrc_applied=None))]
     fn step(
         &self,
@@ -162,11 +163,13 @@ impl Batch {
         })
     }
 
+    /// Resets all data to the initial configuration or a keyframe, and all grasps.
     #[pyo3(signature = (keyframe=None))]
     fn reset(&self, py: Python<'_>, keyframe: Option<&str>) -> PyResult<()> {
         self.each(py, |_, session| session.reset_data(keyframe))
     }
 
+    /// Positions, shape (nsim, nq), a copy; may be set.
     #[getter]
     fn qpos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.rows(py, self.sizes.nq, Simulation::qpos)
@@ -178,6 +181,7 @@ impl Batch {
         self.each(py, |i, session| session.write(|sim| sim.qpos_mut().copy_from_slice(&numbers[i * nq..(i + 1) * nq])))
     }
 
+    /// Velocities, shape (nsim, nv), a copy; may be set.
     #[getter]
     fn qvel<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.rows(py, self.sizes.nv, Simulation::qvel)
@@ -189,22 +193,26 @@ impl Batch {
         self.each(py, |i, session| session.write(|sim| sim.qvel_mut().copy_from_slice(&numbers[i * nv..(i + 1) * nv])))
     }
 
+    /// Shape (nsim, nsensordata), a copy.
     #[getter]
     fn sensordata<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.rows(py, self.sizes.nsensordata, Simulation::sensordata)
     }
 
+    /// s, shape (nsim,)
     #[getter]
     fn time<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let time = |session: &mut Session| session.borrowed.sim().time();
         PyArray1::from_vec(py, self.members.iter().map(|grasps| grasps.get().with(py, time)).collect())
     }
 
+    /// Shape (nsim, number of grasps).
     #[getter]
     fn is_grasped<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
         self.of_grasps(py, |grasp| grasp.phase() == Phase::Grasped)
     }
 
+    /// N, shape (nsim, number of grasps).
     #[getter]
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_grasps(py, Grasp::quality)

@@ -56,6 +56,7 @@ fn name(model: &CompiledModel, body: BodyId) -> String {
 
 #[pymethods]
 impl Grasp {
+    /// Its place in the order in which grasps were added, from 0.
     #[getter]
     fn index(&self) -> usize {
         self.index
@@ -71,6 +72,7 @@ impl Grasp {
         self.name(py, |grasp, name| name(grasp.target()))
     }
 
+    /// The target's body number.
     #[getter]
     fn target_id(&self, py: Python<'_>) -> PyResult<usize> {
         self.read(py, |grasp| grasp.target().index())
@@ -81,6 +83,7 @@ impl Grasp {
         self.name(py, |grasp, name| name(grasp.palm()))
     }
 
+    /// Links that may hold the target.
     #[getter]
     fn effectors(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.name(py, |grasp, name| grasp.links().iter().map(|&link| name(link)).collect())
@@ -101,52 +104,62 @@ impl Grasp {
         self.read(py, |grasp| grasp.phase() == Phase::Grasped)
     }
 
+    /// Grasped, or the quality has been good for long enough.
     #[getter]
     fn would_latch(&self, py: Python<'_>) -> PyResult<bool> {
         self.read(py, Controller::would_latch)
     }
 
+    /// Smallest singular value of the grasp matrix, scaled by the live normal forces, N.
     #[getter]
     fn quality(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, Controller::quality)
     }
 
+    /// N
     #[getter]
     fn latch_quality(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, Controller::latch_quality)
     }
 
+    /// N
     #[getter]
     fn release_quality(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, Controller::release_quality)
     }
 
+    /// Data time at the end of the step in which it last latched, s; None if it never has.
     #[getter]
     fn latched_at(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         Ok(self.clock(py)?.latched_at)
     }
 
+    /// Simulated time of all steps so far that it began latched, s.
     #[getter]
     fn latched_time(&self, py: Python<'_>) -> PyResult<f64> {
         Ok(self.clock(py)?.latched)
     }
 
+    /// Of these, with its contacts merged into a weld (limits "box" and "rigid"), s.
     #[getter]
     fn merged_time(&self, py: Python<'_>) -> PyResult<f64> {
         Ok(self.clock(py)?.merged)
     }
 
+    /// Largest force (N) and torque (N m) in the next step for each axis, "box" while grasped.
     #[getter]
     fn bounds(&self, py: Python<'_>) -> PyResult<Option<(f64, f64)>> {
         self.read(py, |grasp| grasp.bounds().map(|bounds| (bounds.force, bounds.torque)))
     }
 
+    /// Wrench of the weld on the target about its centre of mass, in the grasp's axes, `[force; torque]`, N and N m.
     #[getter]
     fn merged_wrench<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         let wrench = self.read(py, Controller::merged_wrench)?;
         Ok(wrench.map(|wrench| PyArray1::from_slice(py, wrench.as_slice())))
     }
 
+    /// Contacts between hand and target, with their live forces, latched or not.
     fn contacts(&self, py: Python<'_>) -> PyResult<Vec<Contact>> {
         self.with(py, |session, index| {
             let id = session.grasps.ids().nth(index)?;
@@ -158,6 +171,7 @@ impl Grasp {
         })
     }
 
+    /// The field's quality measures of the effectors' contacts; costs milliseconds.
     fn measures(&self, py: Python<'_>) -> PyResult<QualityReport> {
         let report = self.with(py, |session, index| {
             let grasp = session.grasp(index)?;
@@ -166,10 +180,12 @@ impl Grasp {
         report.map(Into::into).map_err(|e| DivergedError::new_err(e.to_string()))
     }
 
+    /// Gives the contacts back to MuJoCo.
     fn release(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |session, index| session.grasp_mut(index).map(Controller::release))
     }
 
+    /// Forbids or allows latching; a latched grasp stays so.
     fn allow_latch(&self, py: Python<'_>, allowed: bool) -> PyResult<()> {
         self.with(py, |session, index| session.grasp_mut(index).map(|grasp| grasp.allow_latch(allowed)))
     }

@@ -117,6 +117,7 @@ impl Grasps {
         Ok(Self { owner, session: Mutex::new(session) })
     }
 
+    /// Adds a grasp; options and errors as of the class. Those that move each other are solved as one problem.
     #[pyo3(signature = (target, palm=None, **options))]
     fn add(
         slf: &Bound<'_, Self>,
@@ -130,16 +131,19 @@ impl Grasps {
         Ok(Grasp::new(slf.clone().unbind(), index))
     }
 
+    /// Advances the data by `n` steps with the same controls, instead of `mj_step(model, data, n)`.
     #[pyo3(signature = (n=1))]
     fn step(&self, py: Python<'_>, n: i64) -> PyResult<()> {
         let n = usize::try_from(n).map_err(|_| SpecError::new_err(format!("n is {n}: it must be at least 0")))?;
         self.advance(py, Advance::Steps(n))
     }
 
+    /// As `step()`, for a step after which only `qpos`, `qvel`, `act`, time and the grasps' contacts are wanted.
     fn substep(&self, py: Python<'_>) -> PyResult<()> {
         self.advance(py, Advance::Substep)
     }
 
+    /// After an `mj_step` of your own: reads contacts, forces and quality, and counts good time without latching.
     fn monitor(&self, py: Python<'_>) -> PyResult<()> {
         let _stepping = self.begin(py)?;
         let Session { borrowed, grasps, .. } = &mut *self.lock();
@@ -147,14 +151,17 @@ impl Grasps {
         visited.map_err(of_grasp)
     }
 
+    /// Ungrasped again, with nothing counted: to be called when the data is reset.
     fn reset(&self, py: Python<'_>) {
         self.with(py, Session::reset);
     }
 
+    /// What the grasps remember from step to step.
     fn save(&self, py: Python<'_>) -> State {
         self.with(py, |session| State { grasps: session.grasps.save(), clocks: session.clocks.clone() })
     }
 
+    /// Goes back to a state that these grasps, or others with the same options of the same model, have saved.
     fn restore(&self, py: Python<'_>, state: &State) -> PyResult<()> {
         self.with(py, |session| {
             session.grasps.restore(&state.grasps)?;
@@ -165,6 +172,7 @@ impl Grasps {
         .map_err(of_grasp)
     }
 
+    /// Angle by which anything may turn between two whole steps, rad; with 0 every step is whole.
     #[getter]
     fn frozen_tolerance(&self, py: Python<'_>) -> f64 {
         self.with(py, |session| session.grasps.frozen_tolerance())
@@ -177,11 +185,13 @@ impl Grasps {
         Ok(())
     }
 
+    /// Steps so far that were made on frozen geometry.
     #[getter]
     fn frozen_steps(&self, py: Python<'_>) -> u64 {
         self.with(py, |session| session.grasps.frozen_steps())
     }
 
+    /// Why others were not, and how many: "merged", "changed", "refresh", "jumped", "turned", "slid", "near".
     #[getter]
     fn whole_steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let counts: Vec<_> = self.with(py, |session| session.grasps.whole_steps().collect());

@@ -6,12 +6,19 @@ use pyo3::prelude::*;
 /// Quality of a grasp in all measures.
 #[pyclass(frozen, get_all, module = "mujoco_grasp")]
 pub struct QualityReport {
+    /// Smallest singular value of the grasp matrix, N.
     min_singular_value_n: f64,
+    /// Ferrari and Canny's epsilon, N.
     ferrari_canny_n: f64,
+    /// Volume of the wrench hull, N^6.
     hull_volume: f64,
+    /// Smallest over largest singular value.
     isotropy: f64,
+    /// Whether any wrench can be resisted if pressed hard enough.
     force_closure: bool,
+    /// Whether the target's weight is held with no contact pressed harder than now.
     holds_own_weight: bool,
+    /// Contacts that carry force.
     contacts: usize,
 }
 

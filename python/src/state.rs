@@ -16,6 +16,7 @@ pub struct State {
 
 #[pymethods]
 impl State {
+    /// Raises `StateError` for a text that is no state.
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
         let state: Self = serde_json::from_str(text)

@@ -3,11 +3,11 @@
 import importlib
 import sys
 
-import mujoco
 import numpy as np
 import pytest
 from conftest import ROOT, in_another_process, latched
 
+import mujoco
 from mujoco_grasp.viewer import draw
 
 sys.path.insert(0, str(ROOT / "examples/python"))

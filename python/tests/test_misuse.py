@@ -5,11 +5,11 @@ import gc
 import pickle
 import threading
 
-import mujoco
 import numpy as np
 import pytest
 from conftest import GRIPPER, gripper, in_another_process, latched
 
+import mujoco
 import mujoco_grasp as mg
 
 
@@ -114,7 +114,7 @@ def test_a_grasp_kept_after_a_reset():
     model, data, grasps = latched()
     mujoco.mj_resetData(model, data)
     for _ in range(2):
-        with pytest.raises(mg.ResetError, match="gone back from 0.5"):
+        with pytest.raises(mg.ResetError, match=r"gone back from 0\.5"):
             grasps.step()
     assert data.time == 0
     grasps.reset()
