@@ -78,8 +78,9 @@ def edits():
     yield "friction", lambda m, d: m.geom_friction.__setitem__((slice(None), 0), 0.3)
     yield "size", lambda m, d: m.geom_size.__setitem__((m.geom("ball").id if m.geom("ball").name else -1, 0), 0.0304)
     yield "mass", lambda m, d: m.body_mass.__setitem__(m.body("ball").id, 0.5)
-    yield "damping", lambda m, d: m.dof_damping.__setitem__(0, 50.0)
-    yield "gains", lambda m, d: m.actuator_gainprm.__setitem__((1, 0), 500.0)
+    yield "armature", lambda m, d: m.dof_armature.__setitem__(0, 0.1)
+    yield "gear", lambda m, d: m.actuator_gear.__setitem__((1, 0), 1.01)
+    yield "limits", lambda m, d: m.jnt_solimp.__setitem__((0, 0), 0.8)
     yield "gravity", lambda m, d: m.opt.gravity.__setitem__(2, -3.0)
     yield "position", lambda m, d: d.qpos.__setitem__(0, d.qpos[0] + 1e-4)
     yield "forward", mujoco.mj_forward
@@ -111,12 +112,15 @@ def test_what_is_changed_between_two_calls_counts_from_the_next_step(name):
 
 
 def test_inputs_do_not_keep_steps_from_being_frozen():
-    _, data, grasps = latched()
+    model, data, grasps = latched()
     grasps.step(10)
     before = grasps.whole_steps.get("changed", 0)
     for i in range(20):
         data.ctrl[1:] = 0.01 + 1e-5 * np.sin(i)
         data.xfrc_applied[-1, 0] = 0.01 * np.sin(i)
+        # read anew in every step, too
+        model.dof_damping[0] = 60 + np.sin(i)
+        model.actuator_gainprm[1, 0] = 300 + np.sin(i)
         grasps.step(10)
     assert grasps.whole_steps.get("changed", 0) == before
     assert grasps.frozen_steps > 150

@@ -46,8 +46,9 @@ fn changes_of_the_owner_are_noticed_and_nothing_else_is() {
     };
     let (first, origin) = noticed(&mut owner, &|_| ());
     assert!(first, "nothing is known before the first visit");
-    let inputs: [&dyn Fn(&mut Simulation); 3] =
-        [&|_| (), &|s| s.ctrl_mut()[0] = 0.1, &|s| s.xfrc_applied_mut()[6] = 0.1];
+    // what every step reads anew
+    let inputs: [&dyn Fn(&mut Simulation); 4] =
+        [&|_| (), &|s| s.ctrl_mut()[0] = 0.1, &|s| s.xfrc_applied_mut()[6] = 0.1, &|s| s.dof_damping_mut()[6] = 0.5];
     for change in inputs {
         assert_eq!(noticed(&mut owner, change), (false, origin));
     }
@@ -56,7 +57,7 @@ fn changes_of_the_owner_are_noticed_and_nothing_else_is() {
         &|s| s.forward().unwrap(),
         &|s| s.kinematics().unwrap(),
         &|s| s.reset().unwrap(),
-        &|s| s.dof_damping_mut()[6] = 0.5,
+        &|s| s.dof_armature_mut()[6] = 0.5,
     ];
     for (i, change) in changes.into_iter().enumerate() {
         assert_eq!(noticed(&mut owner, change), (true, origin), "change {i}");

@@ -8,8 +8,8 @@ use crate::mujoco::{compat, ffi};
 ///
 /// A whole step computes everything from the state, as `mj_step` does, but for what this crate has derived from the model:
 /// shapes of geoms and the parameters of their pairs. A step on frozen geometry also reads what the last whole step has left
-/// in the data, and contacts and inertias that it has derived from the rest of the model. All of that is compared byte by
-/// byte, apart from meshes, height fields, textures and names, which the engine itself does not let change in place.
+/// in the data, and what that has derived from the model: inertia, moments, constraint rows, friction of contacts. All of that
+/// is compared byte by byte, apart from meshes and height fields, which the engine itself does not let change in place.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     shapes: Copy,
@@ -129,17 +129,48 @@ fn shapes(m: &ffi::mjModel) -> [Span; 26] {
     ]
 }
 
-/// All parameters of the model: its arrays lie in one block, kind by kind.
-fn parameters(m: &ffi::mjModel) -> [Span; 2] {
-    let block = m.buffer as usize..m.buffer as usize + m.nbuffer as usize;
-    let between = |start: *const u8, end: *const u8| {
-        let inside = start <= end && block.contains(&(start as usize)) && end as usize <= block.end;
-        // Another order than today's: everything.
-        if inside { (start, end as usize - start as usize) } else { (m.buffer.cast_const().cast(), m.nbuffer as usize) }
-    };
+/// What else the part of a step that depends on positions takes from the model; velocities, actuators and passive forces are
+/// computed anew in steps on frozen geometry, too.
+fn parameters(m: &ffi::mjModel) -> [Span; 34] {
+    const REF: usize = ffi::mjNREF as usize;
+    const IMP: usize = ffi::mjNIMP as usize;
+    let (bodies, joints, dofs, geoms) = (m.nbody as usize, m.njnt as usize, m.nv as usize, m.ngeom as usize);
+    let (sites, tendons, equalities) = (m.nsite as usize, m.ntendon as usize, m.neq as usize);
     [
-        between(m.qpos0.cast_const().cast(), m.mesh_vertadr.cast_const().cast()),
-        between(m.pair_dim.cast_const().cast(), m.key_time.cast_const().cast()),
+        span(m.qpos0, m.nq as usize),
+        span(m.body_mass, bodies),
+        span(m.body_subtreemass, bodies),
+        span(m.body_inertia, 3 * bodies),
+        span(m.body_invweight0, 2 * bodies),
+        span(m.jnt_pos, 3 * joints),
+        span(m.jnt_axis, 3 * joints),
+        span(m.jnt_limited, joints),
+        span(m.jnt_range, 2 * joints),
+        span(m.jnt_margin, joints),
+        span(m.jnt_solref, REF * joints),
+        span(m.jnt_solimp, IMP * joints),
+        span(m.dof_armature, dofs),
+        span(m.dof_M0, dofs),
+        span(m.dof_invweight0, dofs),
+        span(m.dof_frictionloss, dofs),
+        span(m.dof_solref, REF * dofs),
+        span(m.dof_solimp, IMP * dofs),
+        span(m.geom_friction, 3 * geoms),
+        span(m.pair_friction, 5 * m.npair as usize),
+        span(m.site_pos, 3 * sites),
+        span(m.site_quat, 4 * sites),
+        span(m.tendon_limited, tendons),
+        span(m.tendon_range, 2 * tendons),
+        span(m.tendon_margin, tendons),
+        span(m.tendon_frictionloss, tendons),
+        span(m.tendon_solref_lim, REF * tendons),
+        span(m.tendon_solimp_lim, IMP * tendons),
+        span(m.tendon_solref_fri, REF * tendons),
+        span(m.tendon_solimp_fri, IMP * tendons),
+        span(m.actuator_gear, 6 * m.nu as usize),
+        span(m.eq_data, compat::EQ_DATA * equalities),
+        span(m.eq_solref, REF * equalities),
+        span(m.eq_solimp, IMP * equalities),
     ]
 }
 
