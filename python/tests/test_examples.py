@@ -1,5 +1,6 @@
 """The examples run, with the real packages."""
 
+import contextlib
 import importlib
 import sys
 
@@ -8,6 +9,7 @@ import pytest
 from conftest import ROOT, in_another_process, latched
 
 import mujoco
+import mujoco.viewer
 from mujoco_grasp.viewer import draw
 
 sys.path.insert(0, str(ROOT / "examples/python"))
@@ -89,6 +91,39 @@ def test_viewer_draws_contacts_forces_and_phase():
     force = grasps[0].contacts()[0].force
     assert scene.geoms[1].mat[:, 2] == pytest.approx(force / np.linalg.norm(force), abs=1e-5)
     assert scene.geoms[1].size[2] == pytest.approx(0.01 * np.linalg.norm(force), rel=1e-5)
+
+
+class WithoutWindow:
+    """What the passive viewer's handle has, as far as the example uses it, for a display that is not there."""
+
+    def __init__(self, model, data):
+        self.data, self.user_scn, self.synced = data, mujoco.MjvScene(model, maxgeom=50), []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def lock(self):
+        return contextlib.nullcontext()
+
+    def is_running(self):
+        return self.data.time < 0.3
+
+    def sync(self):
+        self.synced.append(self.user_scn.ngeom)
+
+
+def test_viewer_runs_a_loop(monkeypatch):
+    viewer = example("viewer")
+    made = []
+    monkeypatch.setattr(mujoco.viewer, "launch_passive", lambda m, d: made.append(WithoutWindow(m, d)) or made[0])
+    viewer.main()
+    assert made[0].data.time == pytest.approx(0.3)
+    # each frame has its own shapes and no others
+    assert len(made[0].synced) == 15
+    assert set(made[0].synced) == {1, 5}
 
 
 def test_a_scene_that_is_full_takes_no_more():
