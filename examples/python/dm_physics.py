@@ -8,9 +8,9 @@ positions is of the present state. Steps of grasps are whole, so here mj_step1 a
 
 import pathlib
 
+import mujoco
 from dm_control.mujoco import Physics
 
-import mujoco
 import mujoco_grasp as mg
 
 MODEL = pathlib.Path(__file__).parents[1] / "gripper.xml"

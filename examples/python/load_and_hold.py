@@ -6,6 +6,7 @@ python examples/python/load_and_hold.py
 import pathlib
 
 import mujoco
+
 import mujoco_grasp as mg
 
 MODEL = pathlib.Path(__file__).parents[1] / "gripper.xml"

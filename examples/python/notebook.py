@@ -6,6 +6,7 @@ MUJOCO_GL=egl python examples/python/notebook.py
 import pathlib
 
 import mujoco
+
 import mujoco_grasp as mg
 from mujoco_grasp.viewer import draw
 

@@ -8,13 +8,13 @@ Steps of grasps are whole, so they take the place of step2 and of step; step1 st
 
 import types
 
+import mujoco
 import numpy as np
 import robosuite
 from robosuite.controllers import load_composite_controller_config
 from robosuite.controllers.parts import controller
 from robosuite.utils.binding_utils import MjData, MjModel
 
-import mujoco
 import mujoco_grasp as mg
 
 # robosuite 1.5.2 is older than MuJoCo 3.17, and needs three lines for it: among MuJoCo's enums numpy's integers are not found

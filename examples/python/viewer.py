@@ -8,9 +8,9 @@ Needs a display; `main` can also be run with another scene to draw into.
 import pathlib
 import time
 
+import mujoco
 import mujoco.viewer
 
-import mujoco
 import mujoco_grasp as mg
 from mujoco_grasp.viewer import draw
 

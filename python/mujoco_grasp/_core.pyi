@@ -4,10 +4,9 @@ import os
 from collections.abc import Iterator, Sequence
 from typing import Literal, Self, final
 
+import mujoco
 import numpy as np
 import numpy.typing as npt
-
-import mujoco
 
 _Body = str | int
 """A body by its name, or by its number for one without a name."""

@@ -2,9 +2,8 @@
 
 from typing import Any, ClassVar
 
-import numpy.typing as npt
-
 import mujoco
+import numpy.typing as npt
 
 from . import Grasps
 

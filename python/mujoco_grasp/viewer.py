@@ -1,9 +1,8 @@
 """Grasps drawn into a scene: for the passive viewer's `user_scn`, a `mujoco.Renderer`'s `scene`, or any `MjvScene`."""
 
+import mujoco
 import numpy as np
 import numpy.typing as npt
-
-import mujoco
 
 from . import Grasps
 

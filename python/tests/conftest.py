@@ -5,10 +5,10 @@ import pathlib
 import subprocess
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 
-import mujoco
 import mujoco_grasp as mg
 
 ROOT = pathlib.Path(__file__).parents[2]

@@ -11,10 +11,9 @@ import sys
 import tempfile
 import time
 
+import mujoco
 import numpy as np
 from conftest import CLUTCH, Clutch
-
-import mujoco
 
 STEPS, TURNS = 5000, 5
 

@@ -1,10 +1,10 @@
 """Many simulations at once are those of each alone, bit for bit, at any number of threads."""
 
+import mujoco
 import numpy as np
 import pytest
 from conftest import GRIPPER
 
-import mujoco
 import mujoco_grasp as mg
 
 NSIM = 6

@@ -4,11 +4,11 @@ import copy
 import gc
 import pickle
 
+import mujoco
 import numpy as np
 import pytest
 from conftest import GRIPPER, gripper, latched
 
-import mujoco
 import mujoco_grasp as mg
 
 

@@ -1,10 +1,10 @@
 """Steps from Python are those of Rust, and of MuJoCo where nothing is latched, bit for bit."""
 
+import mujoco
 import numpy as np
 import pytest
 from conftest import Clutch, latched, reference
 
-import mujoco
 import mujoco_grasp as mg
 
 STEPS = 5000

@@ -5,11 +5,11 @@ import gc
 import pickle
 import threading
 
+import mujoco
 import numpy as np
 import pytest
 from conftest import GRIPPER, gripper, in_another_process, latched
 
-import mujoco
 import mujoco_grasp as mg
 
 
@@ -168,7 +168,7 @@ def test_an_error_that_is_raised_inside_mujoco():
     grasps.step(20)
     model.opt.solver = 99
     for _ in range(2):
-        with pytest.raises(mg.EngineError, match="MuJoCo fault in mj_forward: .*99"):
+        with pytest.raises(mg.EngineError, match=r"MuJoCo fault in mj_forward: .*99"):
             grasps.step()
         # the thread's own handling is back: MuJoCo's own calls raise their own error
         with pytest.raises(mujoco.FatalError, match="99"):
