@@ -1,8 +1,9 @@
 //! The class `Batch`: many simulations of one model, on all cores.
 
 use crate::errors::SpecError;
-use crate::grasps::{Grasps, Stepping};
+use crate::grasps::Grasps;
 use crate::session::{Advance, Session, warn};
+use crate::turn::Taken;
 use mujoco_grasp::grasp::{Grasp, Phase};
 use mujoco_grasp::mujoco::Simulation;
 use numpy::{AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike2, PyArrayLike3, PyArrayMethods};
@@ -38,7 +39,7 @@ impl Batch {
     /// is raised, with the number of its simulation.
     fn each(&self, py: Python<'_>, work: impl Fn(usize, &mut Session) -> PyResult<()> + Sync) -> PyResult<()> {
         let members: Vec<&Grasps> = self.members.iter().map(Py::get).collect();
-        let _stepping: Vec<Stepping> = members.iter().map(|grasps| grasps.begin(py)).collect::<PyResult<_>>()?;
+        let _turns: Vec<Taken<'_>> = members.iter().map(|grasps| grasps.begin(py)).collect::<PyResult<_>>()?;
         let results: Vec<(PyResult<()>, Vec<String>)> = py.detach(|| {
             let of_one = |(i, grasps): (usize, &&Grasps)| {
                 let mut session = grasps.lock();

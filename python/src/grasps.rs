@@ -1,55 +1,24 @@
 //! The class `Grasps`.
 
-use crate::errors::{BusyError, ModelError, SpecError, of_engine, of_grasp};
+use crate::errors::{ModelError, SpecError, of_engine, of_grasp};
 use crate::grasp::Grasp;
 use crate::owner::Owner;
 use crate::session::{Advance, Session, warn};
 use crate::spec;
 use crate::state::State;
+use crate::turn::{Taken, Turn};
 use mujoco_grasp::grasp::Phase;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::collections::HashSet;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
 /// All grasps of a simulation, in place on a `mujoco.MjModel` and its `mujoco.MjData`.
 #[pyclass(frozen, module = "mujoco_grasp")]
 pub struct Grasps {
     owner: Owner,
+    turn: Turn,
     session: Mutex<Session>,
-}
-
-/// Addresses of data that a thread is stepping, whichever grasps it does it with.
-static STEPPED: Mutex<Option<HashSet<usize>>> = Mutex::new(None);
-
-/// While it lives nobody else can have the data at this address.
-pub struct Stepping(usize);
-
-impl Stepping {
-    fn begin(address: usize) -> PyResult<Self> {
-        let mut stepped = STEPPED.lock().unwrap_or_else(PoisonError::into_inner);
-        if stepped.get_or_insert_default().insert(address) {
-            return Ok(Self(address));
-        }
-        Err(busy())
-    }
-}
-
-impl Drop for Stepping {
-    fn drop(&mut self) {
-        let mut stepped = STEPPED.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(stepped) = &mut *stepped {
-            stepped.remove(&self.0);
-        }
-    }
-}
-
-fn busy() -> PyErr {
-    BusyError::new_err(
-        "another thread is stepping this MjData: one at a time, or data and grasps of its own for each thread (a model can \
-         be shared)",
-    )
 }
 
 impl Grasps {
@@ -71,13 +40,13 @@ impl Grasps {
     ///
     /// # Errors
     /// Memory that has moved; another thread that is stepping the data.
-    pub fn begin(&self, py: Python<'_>) -> PyResult<Stepping> {
+    pub fn begin(&self, py: Python<'_>) -> PyResult<Taken<'_>> {
         self.owner.check(py)?;
-        Stepping::begin(self.owner.data_address())
+        self.turn.take()
     }
 
     fn advance(&self, py: Python<'_>, advance: Advance) -> PyResult<()> {
-        let _stepping = self.begin(py)?;
+        let _turn = self.begin(py)?;
         let (made, warnings) = py.detach(|| {
             let mut session = self.lock();
             let made = session.advance(advance, |_| ());
@@ -114,7 +83,7 @@ impl Grasps {
             }
             None => {}
         }
-        Ok(Self { owner, session: Mutex::new(session) })
+        Ok(Self { turn: Turn::of(owner.data_address()), owner, session: Mutex::new(session) })
     }
 
     /// Adds a grasp; options and errors as of the class. Those that move each other are solved as one problem.
@@ -126,7 +95,7 @@ impl Grasps {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Grasp> {
         let grasps = slf.get();
-        let _stepping = grasps.begin(slf.py())?;
+        let _turn = grasps.begin(slf.py())?;
         let index = add(&mut grasps.lock(), target, palm, options)?;
         Ok(Grasp::new(slf.clone().unbind(), index))
     }
@@ -145,7 +114,7 @@ impl Grasps {
 
     /// After an `mj_step` of your own: reads contacts, forces and quality, and counts good time without latching.
     fn monitor(&self, py: Python<'_>) -> PyResult<()> {
-        let _stepping = self.begin(py)?;
+        let _turn = self.begin(py)?;
         let Session { borrowed, grasps, .. } = &mut *self.lock();
         let visited = borrowed.visit(false, |sim| grasps.monitor(sim)).map_err(of_engine)?;
         visited.map_err(of_grasp)

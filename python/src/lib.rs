@@ -15,6 +15,7 @@ mod scenario;
 mod session;
 mod spec;
 mod state;
+mod turn;
 
 use pyo3::prelude::*;
 

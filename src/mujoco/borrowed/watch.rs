@@ -97,7 +97,7 @@ fn span<T>(start: *const T, count: usize) -> Span {
 }
 
 /// What detectors of contacts derive from the model.
-fn shapes(m: &ffi::mjModel) -> [Span; 26] {
+fn shapes(m: &ffi::mjModel) -> [Span; 25] {
     let (geoms, bodies, pairs) = (m.ngeom as usize, m.nbody as usize, m.npair as usize);
     [
         span(&raw const m.opt, 1),
@@ -119,7 +119,6 @@ fn shapes(m: &ffi::mjModel) -> [Span; 26] {
         span(m.body_pos, 3 * bodies),
         span(m.body_quat, 4 * bodies),
         span(m.body_ipos, 3 * bodies),
-        span(m.body_iquat, 4 * bodies),
         span(m.pair_dim, pairs),
         span(m.pair_solref, pairs * ffi::mjNREF as usize),
         span(m.pair_solimp, pairs * ffi::mjNIMP as usize),
@@ -131,7 +130,7 @@ fn shapes(m: &ffi::mjModel) -> [Span; 26] {
 
 /// What else the part of a step that depends on positions takes from the model; velocities, actuators and passive forces are
 /// computed anew in steps on frozen geometry, too.
-fn parameters(m: &ffi::mjModel) -> [Span; 34] {
+fn parameters(m: &ffi::mjModel) -> [Span; 35] {
     const REF: usize = ffi::mjNREF as usize;
     const IMP: usize = ffi::mjNIMP as usize;
     let (bodies, joints, dofs, geoms) = (m.nbody as usize, m.njnt as usize, m.nv as usize, m.ngeom as usize);
@@ -141,6 +140,7 @@ fn parameters(m: &ffi::mjModel) -> [Span; 34] {
         span(m.body_mass, bodies),
         span(m.body_subtreemass, bodies),
         span(m.body_inertia, 3 * bodies),
+        span(m.body_iquat, 4 * bodies),
         span(m.body_invweight0, 2 * bodies),
         span(m.jnt_pos, 3 * joints),
         span(m.jnt_axis, 3 * joints),
