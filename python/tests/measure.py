@@ -1,7 +1,9 @@
 """What a call from Python costs beside the Rust step, with a latched hand: python/tests/measure.py REFERENCE.
 
-REFERENCE is the program `reference` of the crate, which prints the time of its own steps. Both are measured in turns, and the
-least of many short stretches counts: what is left is the work, not what else the machine does.
+REFERENCE is the program `reference` of the crate, which prints the time of its own steps. Both run in turns, and the least of
+the turns' medians counts; on a machine that has other work, two processes cannot be compared to a microsecond. So what a call
+costs without a step is timed by itself, too: `monitor()` with nothing that touches, alone and after an `mj_step`, which leaves
+the caches to others.
 """
 
 import os
@@ -44,8 +46,28 @@ def rust(program, inputs, n):
         return float(out)
 
 
+def without_a_step(first):
+    """Time of a call that only looks, us, the clock's own taken off; `first` runs before each."""
+    clutch = Clutch()
+    clutch.data.qpos[clutch.q : clutch.q + 3] += 1.0
+    mujoco.mj_forward(clutch.model, clutch.data)
+
+    def median(call):
+        times = []
+        for _ in range(4000):
+            first(clutch.model, clutch.data)
+            began = time.perf_counter_ns()
+            call()
+            times.append(time.perf_counter_ns() - began)
+        return np.median(times) / 1e3
+
+    return median(clutch.grasps.monitor) - median(lambda: None)
+
+
 def main():
     program = sys.argv[1]
+    alone, cold = without_a_step(lambda m, d: None), without_a_step(mujoco.mj_step)
+    print(f"MuJoCo {mujoco.__version__}: a call without a step {alone:.2f} us, after an mj_step {cold:.2f} us")
     for n in (1, 10):
         inputs = Clutch().inputs(STEPS, n)
         # Calls alone, without what a policy does to the caches in between.
