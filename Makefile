@@ -1,5 +1,6 @@
 # make demo: both experiments, with pictures. make test: all tests. Both do all set-up on a fresh Debian 12 with Rust.
-.PHONY: demo test setup
+# make python: the Python package's wheel in dist/, and environments with it.
+.PHONY: demo test python setup
 .NOTPARALLEL:
 
 demo: setup
@@ -7,6 +8,10 @@ demo: setup
 
 test: setup
 	@scripts/test
+
+python:
+	@scripts/setup python3-venv
+	@scripts/python
 
 setup:
 	@scripts/setup

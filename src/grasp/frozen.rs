@@ -55,6 +55,8 @@ pub(super) struct Frozen {
     slack: f64,
     /// By degree of freedom: how far a point of what it carries moves by it \[m/rad or m/m\].
     reach: Vec<f64>,
+    /// Of the model that `reach` is of.
+    origin: Option<u64>,
     /// By degree of freedom: rotation and way of what it carries.
     motion: Vec<(Vector3<f64>, f64)>,
     /// Steps between the last two whole ones; `None` if something was changed from outside meanwhile.
@@ -76,6 +78,7 @@ impl Default for Frozen {
             slip: 0.0,
             slack: 0.0,
             reach: Vec::new(),
+            origin: None,
             motion: Vec::new(),
             elapsed: None,
             turn: Vec::new(),
@@ -259,8 +262,9 @@ impl Frozen {
     /// The largest angle and the longest way of anything since the last whole step \[rad, m\].
     fn motion(&mut self, sim: &Simulation) -> (f64, f64) {
         let model = sim.model();
-        if self.reach.len() != model.nv() {
+        if self.origin != Some(model.origin()) {
             self.reach = reach(model);
+            self.origin = Some(model.origin());
         }
         self.motion.clear();
         let mut largest = (0.0f64, 0.0f64);

@@ -15,15 +15,20 @@ pub struct CompiledModel {
     ptr: NonNull<ffi::mjModel>,
     /// The same for all copies of one loaded model, and no other's.
     origin: u64,
+    /// False if the memory is another's; see [`lent`](Self::lent).
+    owned: bool,
 }
 
-// SAFETY: the model is plain memory owned by this value; every method that takes `&self` only reads it.
+// SAFETY: the model is plain memory owned by this value, or lent to it; every method that takes `&self` only reads it.
 unsafe impl Send for CompiledModel {}
 // SAFETY: as above.
 unsafe impl Sync for CompiledModel {}
 
 impl Drop for CompiledModel {
     fn drop(&mut self) {
+        if !self.owned {
+            return;
+        }
         // SAFETY: allocated by the engine, freed once. Freeing cannot fault; were it to, there is nobody to tell.
         let _ = guard::call("mj_deleteModel", || unsafe { ffi::mj_deleteModel(self.ptr.as_ptr()) });
     }
@@ -77,8 +82,25 @@ impl CompiledModel {
     /// # Safety
     /// `ptr` is a valid model that nobody else owns.
     pub(super) unsafe fn from_raw(ptr: NonNull<ffi::mjModel>) -> Self {
-        static LOADED: AtomicU64 = AtomicU64::new(0);
-        Self { ptr, origin: LOADED.fetch_add(1, Ordering::Relaxed) }
+        Self { ptr, origin: new_origin(), owned: true }
+    }
+
+    /// A model that stays its owner's.
+    ///
+    /// # Safety
+    /// `ptr` is a valid model for as long as the value lives, and nobody writes it while a method of the value runs.
+    pub(super) unsafe fn lent(ptr: NonNull<ffi::mjModel>) -> Self {
+        Self { ptr, origin: new_origin(), owned: false }
+    }
+
+    /// Whether the memory is this value's own.
+    pub(super) fn is_owned(&self) -> bool {
+        self.owned
+    }
+
+    /// The model has been edited by its owner: what was derived from it is no longer that of this model.
+    pub(super) fn renew_origin(&mut self) {
+        self.origin = new_origin();
     }
 
     /// A number that all copies of one loaded model have in common, and no other model of this process.
@@ -102,7 +124,7 @@ impl CompiledModel {
         // SAFETY: a null destination makes the engine allocate a new model.
         let copy = guard::call("mj_copyModel", || unsafe { ffi::mj_copyModel(std::ptr::null_mut(), self.as_ptr()) })?;
         match NonNull::new(copy) {
-            Some(ptr) => Ok(Self { ptr, origin: self.origin }),
+            Some(ptr) => Ok(Self { ptr, origin: self.origin, owned: true }),
             None => Err(Error::Engine { call: "mj_copyModel", message: "no model was returned".into() }),
         }
     }
@@ -221,6 +243,12 @@ impl CompiledModel {
         let names: Vec<&str> = (0..count).filter_map(|i| self.name_of(I::from_index(i))).collect();
         Error::UnknownName { kind: I::KIND, name: name.into(), hint: hint(name, &names) }
     }
+}
+
+/// See [`CompiledModel::origin`].
+fn new_origin() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
 /// "; did you mean ...? It has ...", from the names that exist.

@@ -34,8 +34,25 @@ pub(super) fn call<R>(call: &'static str, f: impl FnOnce() -> R) -> Result<R, Er
 
 /// Installs the handlers again: the model compiler swaps them while it works.
 pub(super) fn install() {
-    compat::install_handlers();
+    let _ = compat::install_handlers();
     INSTALLED.set(true);
+}
+
+/// Runs `f` with the handlers installed, on a thread where another binding may have others: those are back afterwards, also
+/// when `f` unwinds. Texts of warnings that nobody has taken by then are dropped.
+pub(super) fn visit<R>(f: impl FnOnce() -> R) -> R {
+    struct Before(compat::Handlers, bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            if has_texts() {
+                take_texts();
+            }
+            compat::put_back_handlers(self.0);
+            INSTALLED.set(self.1);
+        }
+    }
+    let _before = Before(compat::install_handlers(), INSTALLED.replace(true));
+    f()
 }
 
 #[cold]
@@ -121,6 +138,29 @@ mod tests {
     fn a_panic_of_ours_is_not_taken_for_a_fault() {
         let caught = catch_unwind(|| call("none", || resume_unwind(Box::new(7_u8))));
         assert_eq!(caught.unwrap_err().downcast_ref::<u8>(), Some(&7));
+    }
+
+    #[test]
+    fn a_visit_leaves_the_threads_handlers_as_they_were() {
+        std::thread::spawn(|| {
+            let none = compat::install_handlers();
+            compat::put_back_handlers(none);
+            let fault = || call("mju_error", || compat::raise_fault(c"a wheel fell off"));
+            // also where an earlier call has left ours to another binding's
+            for was_installed in [false, true] {
+                INSTALLED.set(was_installed);
+                compat::put_back_handlers(none);
+                assert!(matches!(visit(fault), Err(Error::Engine { .. })));
+                assert_eq!(INSTALLED.get(), was_installed);
+                assert_eq!(format!("{:?}", compat::install_handlers()), format!("{none:?}"));
+            }
+            compat::put_back_handlers(none);
+            let caught = catch_unwind(|| visit(|| resume_unwind(Box::new(7_u8))));
+            assert!(caught.is_err());
+            assert_eq!(format!("{:?}", compat::install_handlers()), format!("{none:?}"));
+        })
+        .join()
+        .unwrap();
     }
 
     /// The hot loop has about twenty guarded calls per step, of some microseconds each.

@@ -9,6 +9,7 @@
 mod arrays;
 #[cfg(feature = "render")]
 mod arrow;
+mod borrowed;
 #[cfg(feature = "render")]
 mod camera;
 mod collision;
@@ -45,6 +46,8 @@ mod warnings;
 
 #[cfg(feature = "render")]
 pub use arrow::Arrow;
+#[doc(hidden)]
+pub use borrowed::Borrowed;
 #[cfg(feature = "render")]
 pub use camera::Camera;
 pub use collision::{Clearance, GeomSets, PairCollider};

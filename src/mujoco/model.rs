@@ -206,9 +206,16 @@ fn compile(name: &CStr, vfs: Option<&Vfs>, what: String) -> Result<Model, Error>
 /// Takes over a fresh model that nobody else has.
 fn adopt(ptr: NonNull<ffi::mjModel>, what: String, warnings: Vec<String>) -> Result<Model, Error> {
     // SAFETY: as above.
-    let (compiled, adopted) = unsafe { (CompiledModel::from_raw(ptr), compat::adopt(ptr.as_ptr())) };
-    adopted.and_then(|()| check_faces(&compiled)).map_err(|message| Error::Load { what, message })?;
+    let compiled = unsafe { CompiledModel::from_raw(ptr) };
+    check(&compiled).map_err(|message| Error::Load { what, message })?;
     Ok(Model { compiled: Arc::new(compiled), warnings: warnings.into() })
+}
+
+/// That a model has nothing with which this crate does not work, and no address that leads outside of it.
+pub(super) fn check(model: &CompiledModel) -> Result<(), String> {
+    // SAFETY: the model is valid.
+    unsafe { compat::adopt(model.as_ptr()) }?;
+    check_faces(model)
 }
 
 /// The engine's message without its line breaks.

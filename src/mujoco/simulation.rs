@@ -51,12 +51,15 @@ enum Deferred {
     Until(Option<Error>),
 }
 
-// SAFETY: both structures are plain memory owned by this value alone; the engine keeps no pointer to them, and its
-// thread-local handlers are installed on whichever thread calls.
+// SAFETY: both structures are plain memory owned by this value alone, or lent to it; the engine keeps no pointer to them, and
+// its thread-local handlers are installed on whichever thread calls.
 unsafe impl Send for Simulation {}
 
 impl Drop for Simulation {
     fn drop(&mut self) {
+        if !self.model.is_owned() {
+            return;
+        }
         // SAFETY: allocated by the engine, freed once.
         let _ = guard::call("mj_deleteData", || unsafe { ffi::mj_deleteData(self.data.as_ptr()) });
     }
@@ -104,7 +107,7 @@ impl Simulation {
         Ok(copy)
     }
 
-    fn from_parts(model: CompiledModel, data: *mut ffi::mjData, call: &'static str) -> Result<Self, Error> {
+    pub(super) fn from_parts(model: CompiledModel, data: *mut ffi::mjData, call: &'static str) -> Result<Self, Error> {
         match NonNull::new(data) {
             Some(data) => {
                 let (warnings, stamp) = (Warnings::default(), Stamp::new());
@@ -244,6 +247,17 @@ impl Simulation {
             self.interrupted = Some((call, message.clone()));
         }
         fault
+    }
+
+    /// A lent simulation's owner goes on after a fault as it likes: each step computes all from the state.
+    pub(super) fn clear_interruption(&mut self) {
+        self.interrupted = None;
+    }
+
+    /// A lent model has been edited by its owner in what is derived from it.
+    pub(super) fn renew_model(&mut self) {
+        self.note_change();
+        self.model.renew_origin();
     }
 
     /// Whether a fault has interrupted the simulation; see [`Simulation`].

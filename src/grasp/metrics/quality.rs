@@ -32,12 +32,14 @@ use faer::Mat;
 use nalgebra::{Vector3, Vector6};
 use serde::Serialize;
 
+use crate::grasp::Grasp;
 use crate::grasp::metrics::closure;
 use crate::grasp::metrics::error::check;
 pub use crate::grasp::metrics::error::{QualityError, SolverFault};
 use crate::grasp::metrics::hull::ConvexHull;
 pub use crate::grasp::monitor::gram::{Gram, RANK_TOLERANCE};
 use crate::grasp::monitor::wrench::{LoadedContact, contact_radius};
+use crate::mujoco::Simulation;
 
 /// Edges of a linearised friction cone.
 pub const CONE_EDGES: usize = 8;
@@ -85,6 +87,20 @@ pub fn report(
         holds_own_weight: !loaded.is_empty() && closure::load_factor(&loaded, com, weight)? >= 0.99,
         contacts: loaded.len(),
     })
+}
+
+/// All measures of a grasp with the contacts of its effectors after the last step, and the target's weight to hold.
+///
+/// # Errors
+/// As [`report`].
+pub fn of_grasp(sim: &Simulation, grasp: &Grasp) -> Result<QualityReport, QualityError> {
+    let effectors = grasp.contacts().iter().filter(|contact| grasp.links().contains(&contact.link_id));
+    let contacts: Vec<LoadedContact> = effectors.map(|contact| contact.loaded()).collect();
+    let (model, target) = (sim.model(), grasp.target());
+    let gravity = if model.has_gravity() { model.gravity() } else { Vector3::zeros() };
+    let force = model.body_subtreemass()[target.index()] * gravity;
+    let weight = Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0);
+    report(&contacts, &sim.subtree_com_of(target), &weight)
 }
 
 /// The thesis's Q \[N\]: the smallest singular value of G, by singular value decomposition of G itself. The reference

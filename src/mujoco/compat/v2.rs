@@ -16,6 +16,8 @@ unsafe extern "C-unwind" {
     pub(in crate::mujoco) fn mj_implicit(m: *const ffi::mjModel, d: *mut ffi::mjData);
 
     // The calling thread's handlers; they take precedence over the process-wide `mju_user_error`.
+    fn _mjPRIVATE__get_tls_error_fn() -> Option<Handler>;
+    fn _mjPRIVATE__get_tls_warning_fn() -> Option<Handler>;
     fn _mjPRIVATE__set_tls_error_fn(handler: Option<Handler>);
     fn _mjPRIVATE__set_tls_warning_fn(handler: Option<Handler>);
 }
@@ -40,12 +42,24 @@ pub(in crate::mujoco) fn has_integrator(number: i32) -> bool {
 
 // ---------------------------------------------------------------------------------------------------- messages
 
-/// Makes the engine hand its messages to the guard on the current thread, instead of printing, logging and exiting.
-pub(in crate::mujoco) fn install_handlers() {
+/// What a thread does with the engine's messages: for errors, for warnings.
+pub(in crate::mujoco) type Handlers = [Option<Handler>; 2];
+
+/// Makes the engine hand its messages to the guard on the current thread, instead of printing, logging and exiting; returns
+/// what it did with them before.
+pub(in crate::mujoco) fn install_handlers() -> Handlers {
+    // SAFETY: the calls only read pointers from thread-locals of the engine.
+    let before = unsafe { [_mjPRIVATE__get_tls_error_fn(), _mjPRIVATE__get_tls_warning_fn()] };
+    put_back_handlers([Some(on_error), Some(on_warning)]);
+    before
+}
+
+/// Gives the current thread the handlers that [`install_handlers`] has returned.
+pub(in crate::mujoco) fn put_back_handlers([error, warning]: Handlers) {
     // SAFETY: both calls only store the pointer in a thread-local of the engine.
     unsafe {
-        _mjPRIVATE__set_tls_error_fn(Some(on_error));
-        _mjPRIVATE__set_tls_warning_fn(Some(on_warning));
+        _mjPRIVATE__set_tls_error_fn(error);
+        _mjPRIVATE__set_tls_warning_fn(warning);
     }
 }
 
@@ -426,6 +440,7 @@ pub(in crate::mujoco) fn collision_kinds(m: &ffi::mjModel) -> (bool, bool) {
 ///
 /// # Safety
 /// The geom is initialised.
+#[cfg_attr(not(feature = "render"), allow(dead_code))]
 pub(in crate::mujoco) unsafe fn connect(
     geom: *mut ffi::mjvGeom,
     kind: i32,

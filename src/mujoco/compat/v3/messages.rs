@@ -17,9 +17,17 @@ mod engine {
         fn _mjPRIVATE_setTlsLogHandler(handler: Option<Handler>) -> Option<Handler>;
     }
 
-    pub fn install() {
+    /// The handlers of a thread.
+    pub type Handlers = Option<Handler>;
+
+    pub fn install() -> Handlers {
         // SAFETY: only stores the pointer in a thread-local of the engine.
-        unsafe { _mjPRIVATE_setTlsLogHandler(Some(on_message)) };
+        unsafe { _mjPRIVATE_setTlsLogHandler(Some(on_message)) }
+    }
+
+    pub fn put_back(handlers: Handlers) {
+        // SAFETY: as above.
+        unsafe { _mjPRIVATE_setTlsLogHandler(handlers) };
     }
 
     unsafe extern "C-unwind" fn on_message(message: *const ffi::mjLogMessage) {
@@ -42,15 +50,29 @@ mod engine {
     type Handler = unsafe extern "C-unwind" fn(*const c_char);
 
     unsafe extern "C-unwind" {
+        fn _mjPRIVATE__get_tls_error_fn() -> Option<Handler>;
+        fn _mjPRIVATE__get_tls_warning_fn() -> Option<Handler>;
         fn _mjPRIVATE__set_tls_error_fn(handler: Option<Handler>);
         fn _mjPRIVATE__set_tls_warning_fn(handler: Option<Handler>);
     }
 
-    pub fn install() {
-        // SAFETY: both calls only store the pointer in a thread-local of the engine.
+    /// The handlers of a thread: for errors, for warnings.
+    pub type Handlers = [Option<Handler>; 2];
+
+    pub fn install() -> Handlers {
+        // SAFETY: the calls only read and store pointers in thread-locals of the engine.
         unsafe {
-            _mjPRIVATE__set_tls_error_fn(Some(on_error));
-            _mjPRIVATE__set_tls_warning_fn(Some(on_warning));
+            let before = [_mjPRIVATE__get_tls_error_fn(), _mjPRIVATE__get_tls_warning_fn()];
+            put_back([Some(on_error), Some(on_warning)]);
+            before
+        }
+    }
+
+    pub fn put_back([error, warning]: Handlers) {
+        // SAFETY: as above.
+        unsafe {
+            _mjPRIVATE__set_tls_error_fn(error);
+            _mjPRIVATE__set_tls_warning_fn(warning);
         }
     }
 
@@ -65,9 +87,18 @@ mod engine {
     }
 }
 
-/// Makes the engine hand its messages to the guard on the current thread, instead of printing, logging and exiting.
-pub(in crate::mujoco) fn install_handlers() {
-    engine::install();
+/// What a thread does with the engine's messages.
+pub(in crate::mujoco) use engine::Handlers;
+
+/// Makes the engine hand its messages to the guard on the current thread, instead of printing, logging and exiting; returns
+/// what it did with them before.
+pub(in crate::mujoco) fn install_handlers() -> Handlers {
+    engine::install()
+}
+
+/// Gives the current thread the handlers that [`install_handlers`] has returned.
+pub(in crate::mujoco) fn put_back_handlers(handlers: Handlers) {
+    engine::put_back(handlers);
 }
 
 /// The attribute of `<size>` to raise, if the message of a fault means that the engine's stack is full.

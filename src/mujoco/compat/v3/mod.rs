@@ -192,6 +192,7 @@ pub(in crate::mujoco) fn solver_iter(d: &ffi::mjData) -> i32 {
 ///
 /// # Safety
 /// The geom is initialised.
+#[cfg_attr(not(feature = "render"), allow(dead_code))]
 pub(in crate::mujoco) unsafe fn connect(
     geom: *mut ffi::mjvGeom,
     kind: i32,
