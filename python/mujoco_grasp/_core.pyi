@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from typing import Literal, Self, final
+from typing import Literal, Self, TypedDict, Unpack, final
 
 import mujoco
 import numpy as np
@@ -13,6 +13,37 @@ _Body = str | int
 _Limits = Literal["cones", "box", "rigid"]
 _Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 _Vector = npt.NDArray[np.float64]
+
+class _GraspOptions(TypedDict, total=False):
+    """Options of a grasp; one that is left out has its default."""
+
+    effectors: Sequence[_Body]
+    """Links that may hold the target; none, the default: every link below the palm."""
+    latch_quality: float | None
+    """Quality at which the grasp latches, N. None, the default: a tenth of the target's weight."""
+    release_quality: float | None
+    """What a latched grasp must keep not to be given up, N: with "cones" the sum of the normal forces, else the quality.
+    None, the default: a quarter of `latch_quality`."""
+    latch_time: float
+    """Simulated time of good quality before it latches, s; 0.05."""
+    release_time: float
+    """Simulated time without hold before it is given up, s; 0.05."""
+    limits: _Limits
+    """What stands for the contacts: their friction cones ("cones", the default), or for comparison one bound for each axis of
+    a weld ("box"), or a plain weld ("rigid"). The latter need a weld in the model, see `weld_xml`."""
+    relaxed: Sequence[_Axis]
+    """Axes that may slip, "box" only; all six."""
+    axes: Sequence[float]
+    """Orientation of those axes in the target's frame, a quaternion w, x, y, z, "box" only; that frame itself."""
+    solref: Sequence[float] | None
+    """Of the weld's axes that may not slip, "box" and "rigid": `[time constant (s), damping ratio]` or
+    `[-stiffness, -damping]`. None, the default: from the contacts."""
+    solimp: Sequence[float] | None
+    """Likewise."""
+    relaxed_solref: Sequence[float] | None
+    """Of the axes that may slip, "box" only."""
+    relaxed_solimp: Sequence[float] | None
+    """Likewise."""
 
 @final
 class Grasps:
@@ -33,19 +64,8 @@ class Grasps:
         target: _Body | None = None,
         palm: _Body | None = None,
         *,
-        effectors: Sequence[_Body] = (),
-        latch_quality: float | None = None,
-        release_quality: float | None = None,
-        latch_time: float = 0.05,
-        release_time: float = 0.05,
-        limits: _Limits = "cones",
-        relaxed: Sequence[_Axis] = ("x", "y", "z", "rx", "ry", "rz"),
-        axes: Sequence[float] = (1, 0, 0, 0),
-        solref: Sequence[float] | None = None,
-        solimp: Sequence[float] | None = None,
-        relaxed_solref: Sequence[float] | None = None,
-        relaxed_solimp: Sequence[float] | None = None,
-        frozen_tolerance: float = 1e-3,
+        frozen_tolerance: float = 2e-3,
+        **options: Unpack[_GraspOptions],
     ) -> Self:
         """Borrows model and data, with one grasp if a target is given.
 
@@ -55,22 +75,8 @@ class Grasps:
             target: Body that is grasped: one of its own, for example with a free joint.
             palm: Base of the fingers, every link below may hold. None: the lowest common ancestor of the effectors, and
                 without any, the only hand that can touch the target.
-            effectors: Links that may hold the target; none: every link below the palm.
-            latch_quality: Quality at which the grasp latches, N. None: a tenth of the target's weight.
-            release_quality: What a latched grasp must keep not to be given up, N: with "cones" the sum of the normal
-                forces, else the quality. None: a quarter of `latch_quality`.
-            latch_time: Simulated time of good quality before it latches, s.
-            release_time: Simulated time without hold before it is given up, s.
-            limits: What stands for the contacts: their friction cones, or for comparison one bound for each axis of a
-                weld ("box"), or a plain weld ("rigid"). The latter need a weld in the model, see `weld_xml`.
-            relaxed: Axes that may slip, "box" only.
-            axes: Orientation of those axes in the target's frame, a quaternion w, x, y, z, "box" only.
-            solref: Of the weld's axes that may not slip, "box" and "rigid": `[time constant (s), damping ratio]` or
-                `[-stiffness, -damping]`. None: from the contacts.
-            solimp: Likewise.
-            relaxed_solref: Of the axes that may slip, "box" only.
-            relaxed_solimp: Likewise.
             frozen_tolerance: See the property.
+            options: Of the grasp.
 
         Raises:
             ModelError: Not a model and its data, or a model with what is not served (flexes, RK4, stateful plugins).
@@ -83,19 +89,7 @@ class Grasps:
         self,
         target: _Body,
         palm: _Body | None = None,
-        *,
-        effectors: Sequence[_Body] = (),
-        latch_quality: float | None = None,
-        release_quality: float | None = None,
-        latch_time: float = 0.05,
-        release_time: float = 0.05,
-        limits: _Limits = "cones",
-        relaxed: Sequence[_Axis] = ("x", "y", "z", "rx", "ry", "rz"),
-        axes: Sequence[float] = (1, 0, 0, 0),
-        solref: Sequence[float] | None = None,
-        solimp: Sequence[float] | None = None,
-        relaxed_solref: Sequence[float] | None = None,
-        relaxed_solimp: Sequence[float] | None = None,
+        **options: Unpack[_GraspOptions],
     ) -> Grasp:
         """Adds a grasp; options and errors as of the class. Those that move each other are solved as one problem."""
 
@@ -153,7 +147,7 @@ class Grasps:
         """Steps so far that were made on frozen geometry."""
     @property
     def whole_steps(self) -> dict[str, int]:
-        """Why others were not, and how many: "merged", "changed", "refresh", "jumped", "turned", "slid", "near"."""
+        """Why others were not, and how many: "merged", "changed", "refresh", "contacts", "turned", "slid", "near"."""
     @property
     def model(self) -> mujoco.MjModel: ...
     @property
@@ -178,19 +172,8 @@ class Batch:
         palm: _Body | None = None,
         *,
         threads: int | None = None,
-        frozen_tolerance: float = 1e-3,
-        effectors: Sequence[_Body] = (),
-        latch_quality: float | None = None,
-        release_quality: float | None = None,
-        latch_time: float = 0.05,
-        release_time: float = 0.05,
-        limits: _Limits = "cones",
-        relaxed: Sequence[_Axis] = ("x", "y", "z", "rx", "ry", "rz"),
-        axes: Sequence[float] = (1, 0, 0, 0),
-        solref: Sequence[float] | None = None,
-        solimp: Sequence[float] | None = None,
-        relaxed_solref: Sequence[float] | None = None,
-        relaxed_solimp: Sequence[float] | None = None,
+        frozen_tolerance: float = 2e-3,
+        **options: Unpack[_GraspOptions],
     ) -> Self:
         """`nsim` simulations at the model's initial configuration, on `threads` threads (None: as many as there are cores).
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from ._core import agree_json, bench_json, run_json, scenarios_json
 
 Limits = typing.Literal["cones", "box", "rigid"]
+Report = typing.TypeVar("Report")
 
 
 @dataclass(frozen=True)
@@ -309,8 +310,7 @@ def run(
         ScenarioError: Bad input; the text names file and field.
     """
     text = run_json(os.fspath(scenario), mode, push, limits, noslip, frozen_tolerance, duration, out)
-    report: RunReport = _read(RunReport, json.loads(text))
-    return report
+    return _report(RunReport, text)
 
 
 def bench(
@@ -327,8 +327,7 @@ def bench(
         ScenarioError: Bad input; the text names file and field.
     """
     text = bench_json(os.fspath(scenario), steps, substeps, limits, frozen_tolerance)
-    report: BenchReport = _read(BenchReport, json.loads(text))
-    return report
+    return _report(BenchReport, text)
 
 
 def agree(
@@ -346,7 +345,12 @@ def agree(
         ScenarioError: Bad input; the text names file and field.
     """
     text = agree_json(os.fspath(scenario), trials, seed, limits, noslip, frozen_tolerance)
-    report: AgreeReport = _read(AgreeReport, json.loads(text))
+    return _report(AgreeReport, text)
+
+
+def _report(kind: type[Report], text: str) -> Report:
+    """A dataclass from the core's JSON."""
+    report: Report = _read(kind, json.loads(text))
     return report
 
 

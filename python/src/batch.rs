@@ -6,6 +6,7 @@ use crate::session::{Advance, Session, warn};
 use crate::turn::Taken;
 use mujoco_grasp::grasp::{Grasp, Phase};
 use mujoco_grasp::mujoco::Simulation;
+use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike2, PyArrayLike3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -83,19 +84,28 @@ impl Batch {
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
 
-    /// The numbers of an array that has a row of `columns` numbers for each simulation.
-    fn numbers(&self, name: &str, rows: &Rows<'_>, columns: usize) -> PyResult<Vec<f64>> {
-        let array = rows.as_array();
-        check_shape(name, array.shape(), &[self.members.len(), columns])?;
-        Ok(array.iter().copied().collect())
+    /// The numbers of an array that has a row of this shape for each simulation.
+    fn numbers<D: Dimension>(&self, name: &str, array: ArrayView<'_, f64, D>, row: &[usize]) -> PyResult<Vec<f64>> {
+        let needed = [&[self.members.len()], row].concat();
+        if array.shape() == needed {
+            return Ok(array.iter().copied().collect());
+        }
+        Err(SpecError::new_err(format!("{name} has the shape {:?}; {needed:?} is needed", array.shape())))
     }
-}
 
-fn check_shape(name: &str, given: &[usize], needed: &[usize]) -> PyResult<()> {
-    if given == needed {
-        return Ok(());
+    /// Writes a row of `columns` numbers into each simulation, where `place` is.
+    fn write_rows(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        rows: &Rows<'_>,
+        columns: usize,
+        place: impl Fn(&mut Simulation) -> &mut [f64] + Sync,
+    ) -> PyResult<()> {
+        let numbers = self.numbers(name, rows.as_array(), &[columns])?;
+        let row = |i: usize| &numbers[i * columns..(i + 1) * columns];
+        self.each(py, |i, session| session.write(|sim| place(sim).copy_from_slice(row(i))))
     }
-    Err(SpecError::new_err(format!("{name} has the shape {given:?}; {needed:?} is needed")))
 }
 
 #[pymethods]
@@ -143,15 +153,9 @@ impl Batch {
         xfrc_applied: Option<Wrenches<'_>>,
     ) -> PyResult<()> {
         let (nu, wrench) = (self.sizes.nu, 6 * self.sizes.nbody);
-        let ctrl = ctrl.map(|rows| self.numbers("ctrl", &rows, nu)).transpose()?;
-        let wrenches = match &xfrc_applied {
-            Some(array) => {
-                let array = array.as_array();
-                check_shape("xfrc_applied", array.shape(), &[self.members.len(), self.sizes.nbody, 6])?;
-                Some(array.iter().copied().collect::<Vec<f64>>())
-            }
-            None => None,
-        };
+        let ctrl = ctrl.map(|rows| self.numbers("ctrl", rows.as_array(), &[nu])).transpose()?;
+        let shape = [self.sizes.nbody, 6];
+        let wrenches = xfrc_applied.map(|rows| self.numbers("xfrc_applied", rows.as_array(), &shape)).transpose()?;
         self.each(py, |i, session| {
             session.advance(Advance::Steps(n), |sim| {
                 if let Some(ctrl) = &ctrl {
@@ -178,8 +182,7 @@ impl Batch {
 
     #[setter]
     fn set_qpos(&self, py: Python<'_>, qpos: Rows<'_>) -> PyResult<()> {
-        let (numbers, nq) = (self.numbers("qpos", &qpos, self.sizes.nq)?, self.sizes.nq);
-        self.each(py, |i, session| session.write(|sim| sim.qpos_mut().copy_from_slice(&numbers[i * nq..(i + 1) * nq])))
+        self.write_rows(py, "qpos", &qpos, self.sizes.nq, Simulation::qpos_mut)
     }
 
     /// Velocities, shape (nsim, nv), a copy; may be set.
@@ -190,8 +193,7 @@ impl Batch {
 
     #[setter]
     fn set_qvel(&self, py: Python<'_>, qvel: Rows<'_>) -> PyResult<()> {
-        let (numbers, nv) = (self.numbers("qvel", &qvel, self.sizes.nv)?, self.sizes.nv);
-        self.each(py, |i, session| session.write(|sim| sim.qvel_mut().copy_from_slice(&numbers[i * nv..(i + 1) * nv])))
+        self.write_rows(py, "qvel", &qvel, self.sizes.nv, Simulation::qvel_mut)
     }
 
     /// Shape (nsim, nsensordata), a copy.

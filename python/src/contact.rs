@@ -1,7 +1,7 @@
 //! The class `Contact`.
 
 use mujoco_grasp::grasp::GraspContact;
-use mujoco_grasp::mujoco::CompiledModel;
+use mujoco_grasp::mujoco::{BodyId, CompiledModel};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -14,9 +14,13 @@ pub struct Contact {
 
 impl Contact {
     pub fn of(model: &CompiledModel, contact: &GraspContact) -> Self {
-        let link = model.body_name(contact.link_id).map_or_else(|| model.label(contact.link_id), str::to_owned);
-        Self { contact: contact.clone(), link }
+        Self { contact: contact.clone(), link: body_name(model, contact.link_id) }
     }
+}
+
+/// A body's name, or what it is called that has none.
+pub fn body_name(model: &CompiledModel, body: BodyId) -> String {
+    model.body_name(body).map_or_else(|| model.label(body), str::to_owned)
 }
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;

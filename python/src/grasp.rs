@@ -1,13 +1,13 @@
 //! The class `Grasp`: a handle of one of the `Grasps`.
 
-use crate::contact::Contact;
+use crate::contact::{Contact, body_name};
 use crate::errors::DivergedError;
 use crate::grasps::{Grasps, phase_name};
 use crate::quality::QualityReport;
 use crate::session::{Clock, Session};
 use mujoco_grasp::grasp::metrics::quality;
 use mujoco_grasp::grasp::{Grasp as Controller, Phase};
-use mujoco_grasp::mujoco::{BodyId, CompiledModel};
+use mujoco_grasp::mujoco::BodyId;
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -41,17 +41,13 @@ impl Grasp {
     ) -> PyResult<T> {
         self.with(py, |session, index| {
             let model = session.borrowed.sim().model();
-            session.grasp(index).map(|grasp| work(grasp, &|body| name(model, body)))
+            session.grasp(index).map(|grasp| work(grasp, &|body| body_name(model, body)))
         })
     }
 
     fn clock(&self, py: Python<'_>) -> PyResult<Clock> {
         self.with(py, |session, index| session.clocks.get(index).copied())
     }
-}
-
-fn name(model: &CompiledModel, body: BodyId) -> String {
-    model.body_name(body).map_or_else(|| model.label(body), str::to_owned)
 }
 
 #[pymethods]

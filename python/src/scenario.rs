@@ -5,11 +5,11 @@ use crate::spec;
 use mujoco_grasp::grasp::Limits;
 use mujoco_grasp::mujoco::mujoco_version;
 use mujoco_grasp::scenario::agree::Ground;
+use mujoco_grasp::scenario::agreement::Agreement;
 use mujoco_grasp::scenario::bench::bench;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::Mode;
-use mujoco_grasp::scenario::tally::Tally;
 use mujoco_grasp::scenario::{Error, source};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -30,19 +30,6 @@ struct RunReport<'a> {
     error: Option<String>,
 }
 
-#[derive(Serialize)]
-struct AgreeReport<'a> {
-    scenario: &'a str,
-    engine: String,
-    seed: u64,
-    push_start_s: f64,
-    end_s: f64,
-    latched: bool,
-    noslip_iterations: usize,
-    #[serde(flatten)]
-    tally: Tally,
-}
-
 /// The scenario with what was given in the place of its own.
 fn load(
     scenario: &str,
@@ -57,9 +44,9 @@ fn load(
     }
 }
 
-fn json(report: &impl Serialize) -> Result<String, Error> {
-    // Numbers that are none are null, and keys are texts.
-    Ok(serde_json::to_string(report).unwrap_or_default())
+fn json(report: &impl Serialize) -> String {
+    // Numbers that are none are null, and keys are texts: nothing can fail.
+    serde_json::to_string(report).unwrap_or_default()
 }
 
 /// Runs `work` on a thread of its own, which has the engine's handlers for itself, and sees to Python's signals meanwhile.
@@ -104,7 +91,7 @@ fn detached(
 /// All built-in scenarios.
 #[pyfunction]
 pub fn scenarios_json() -> PyResult<String> {
-    source::list().and_then(|list| json(&list)).map_err(of_scenario)
+    source::list().map(|list| json(&list)).map_err(of_scenario)
 }
 
 #[pyfunction]
@@ -146,14 +133,14 @@ pub fn run_json(
         let runs = pairs.iter().flat_map(Pair::runs);
         let failures: Vec<String> =
             runs.flat_map(|run| [&run.error, &run.unwritten]).flatten().map(ToString::to_string).collect();
-        json(&RunReport {
+        Ok(json(&RunReport {
             scenario: &plan.name,
             engine: mujoco_version(),
             nv: plan.model.nv(),
             timestep_s: plan.model.timestep(),
             runs: &pairs,
             error: (!failures.is_empty()).then(|| failures.join("; ")),
-        })
+        }))
     })
 }
 
@@ -172,7 +159,7 @@ pub fn bench_json(
     }
     let limits = limits.map(spec::limits).transpose()?;
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, |plan| json(&bench(plan, steps as usize, substeps as usize, &|_| ())?))
+    detached(py, loaded, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
 }
 
 #[pyfunction]
@@ -198,17 +185,6 @@ pub fn agree_json(
         plan.stop.check()?;
         let trials = ground.trials(&onsets, trials, seed, &|| ());
         plan.stop.check()?;
-        let (push_start_s, end_s) = ground.times();
-        let noslip_iterations = ground.noslip();
-        json(&AgreeReport {
-            scenario: &plan.name,
-            engine: mujoco_version(),
-            seed,
-            push_start_s,
-            end_s,
-            latched: ground.is_latched(),
-            noslip_iterations,
-            tally: Tally::new(&onsets, &trials, noslip_iterations),
-        })
+        Ok(json(&Agreement::of(&ground, seed, &onsets, &trials, None)))
     })
 }

@@ -6,7 +6,7 @@ mod saved;
 pub(super) use latched::Rows;
 
 use super::cones::coupled::CoupledConstraints;
-use super::cones::inverse_inertia::Dynamics;
+use super::cones::dynamics::Dynamics;
 use super::cones::solve::{GraspSolver, SolveStatus};
 use super::contact::contacts::{ContactSet, GraspContact};
 use super::contact::softness::SolverOptions;

@@ -5,8 +5,8 @@
 //! move on linearly, and everything that does not follow from positions is computed as in a whole step: velocities,
 //! actuators, springs, limits, the contacts' cones in both passes. So the grasp sticks, slides, opens and gives way as ever.
 //! What is left out is how lever arms turn under the contact forces; what that comes to in first order is added
-//! ([`Grasps::measure_turn`]). When anything has turned by more than a tolerance,
-//! has slid as far, or may have come near something else, the next step is a whole one.
+//! ([`Grasps::measure_turn`]). When anything has turned by more than a tolerance, has slid as far, or may have come near
+//! something else, the next step is a whole one.
 
 // A motion that is not a number must count as too far: `!(a < b)` says that, `a >= b` does not.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
@@ -25,7 +25,8 @@ const MAX_STEPS: usize = 12;
 /// Angle by which anything may turn between two whole steps, unless it is set otherwise \[rad\].
 pub const TOLERANCE: f64 = 2e-3;
 
-/// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole steps only.
+/// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole
+/// steps only.
 const SETTLED: usize = 3;
 
 /// Where a contact slides, it may come as far as this lever times the tolerance between two whole steps \[m\].

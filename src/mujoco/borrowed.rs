@@ -101,7 +101,7 @@ impl Borrowed {
             let visit = Visit::begin(&mut self.sim, &mut self.warnings);
             let result = work(visit.sim);
             drop(visit);
-            self.watch.remember(&self.sim, frozen);
+            self.watch.remember(&self.sim);
             Ok(result)
         })
     }

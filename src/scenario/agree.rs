@@ -120,6 +120,11 @@ impl Ground {
         self.start.grasp.is_latched()
     }
 
+    /// The scenario's name.
+    pub fn scenario(&self) -> &str {
+        &self.setting.plan.name
+    }
+
     /// When every push starts, and when every run ends \[s\].
     pub fn times(&self) -> (f64, f64) {
         (self.setting.push.start, self.setting.plan.timeline.duration)

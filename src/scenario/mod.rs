@@ -6,6 +6,7 @@
 //! ```
 pub mod actuator;
 pub mod agree;
+pub mod agreement;
 pub mod bench;
 pub mod builtin;
 pub mod calibrate;

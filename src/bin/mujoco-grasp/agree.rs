@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use mujoco_grasp::mujoco;
 use mujoco_grasp::scenario::agree::{Ground, TRIALS_PER_ONSET};
+use mujoco_grasp::scenario::agreement::Agreement;
 use mujoco_grasp::scenario::draw::directions;
 use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
-use serde::Serialize;
 
 use crate::output::{FAILURE, Output, complain, number, table, unwritten};
 use crate::progress::Progress;
@@ -33,27 +32,6 @@ pub struct Args {
     /// Draws no pictures.
     #[arg(long)]
     no_pictures: bool,
-}
-
-/// The JSON object of `agree`.
-#[derive(Serialize)]
-struct Report<'a> {
-    scenario: &'a str,
-    engine: String,
-    seed: u64,
-    /// Every push starts then.
-    push_start_s: f64,
-    /// Every run ends then.
-    end_s: f64,
-    /// The grasp is latched when the push starts.
-    latched: bool,
-    /// Noslip iterations of full mode.
-    noslip_iterations: usize,
-    #[serde(flatten)]
-    tally: Tally,
-    /// Only when it was interrupted, or a table could not be written.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    error: Option<String>,
 }
 
 /// What it writes.
@@ -98,19 +76,8 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     }
     failures.iter().for_each(|message| complain("error", message));
 
-    let (push_start_s, end_s) = ground.times();
-    let noslip_iterations = ground.noslip();
-    let report = Report {
-        scenario: &plan.name,
-        engine: mujoco::mujoco_version(),
-        seed: args.seed,
-        push_start_s,
-        end_s,
-        latched: ground.is_latched(),
-        noslip_iterations,
-        tally: Tally::new(&onsets, &trials, noslip_iterations),
-        error: (!failures.is_empty()).then(|| failures.join("; ")),
-    };
+    let error = (!failures.is_empty()).then(|| failures.join("; "));
+    let report = Agreement::of(&ground, args.seed, &onsets, &trials, error);
     output.write(&report, || text(&report, &out))?;
     if !args.no_pictures && !trials.is_empty() && errors.is_empty() {
         scatters::save(&plan.name, &trials, &out);
@@ -122,7 +89,7 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     })
 }
 
-fn text(report: &Report<'_>, out: &Path) -> String {
+fn text(report: &Agreement<'_>, out: &Path) -> String {
     let t = &report.tally;
     let percent = |x: Option<f64>| number(x, 100.0, 2) + " %";
     let millimetres = |x: Option<f64>| number(x, 1e3, 4) + " mm";

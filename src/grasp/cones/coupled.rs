@@ -4,7 +4,7 @@
 //! passes as the engine: first all with their softness, then, if the engine has a noslip pass, friction at fixed normals.
 //! The contacts of other latched grasps join them as foreign (see [`foreign`]).
 
-use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, pyramid_pairs};
 use crate::grasp::contact::softness::SolverOptions;

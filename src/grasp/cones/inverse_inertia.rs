@@ -4,14 +4,13 @@
 //! only. So the acceleration of a body under a wrench on it, `J M^-1 J^T`, needs no joints but those between the body
 //! and the world, and with the palm's acceleration as an unknown each finger needs no joints but its own.
 //!
-//! Spatial vectors are `[rotation; translation]` about the centre of mass of the body's kinematic tree, as MuJoCo's
-//! `cdof`, `crb` and `cvel`.
+//! Spatial vectors are as in [`Dynamics`].
 
 use crate::grasp::cones::arrow::Arrow;
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::hand::topology::Topology;
 pub use crate::grasp::linalg::Spatial;
-use crate::mujoco::{MassFactor, Simulation};
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 
 /// Largest negative or zero pivot, relative to the largest diagonal, that counts as a direction without inverse inertia.
 const RANK_TOLERANCE: f64 = 1e-12;
@@ -19,152 +18,6 @@ const RANK_TOLERANCE: f64 = 1e-12;
 /// What is left of a row, relative to what it was, and is nothing but rounding: all that a finger does to a long arm it does
 /// through the palm. Left in, it would tie all fingers to each other.
 const ROUNDING: f64 = 1e-10;
-
-/// The engine's state that a grasp solve is made of; slices as in MuJoCo's `mjModel` and `mjData`.
-#[derive(Clone, Copy, Debug)]
-pub struct Dynamics<'a> {
-    /// Parent of each degree of freedom, -1 at the base.
-    pub dof_parent: &'a [i32],
-    /// Body of each degree of freedom.
-    pub dof_body: &'a [i32],
-    /// `L` of the mass matrix (`qLD`).
-    pub factor: MassFactor<'a>,
-    /// `1 / D` (`qLDiagInv`).
-    pub inverse_diagonal: &'a [f64],
-    /// Motion axis of each degree of freedom (`cdof`).
-    pub dof_axis: &'a [f64],
-    /// How fast that turns (`cdof_dot`).
-    pub axis_rate: &'a [f64],
-    /// Inertia of each body with all that hangs on it (`crb`).
-    pub composite_inertia: &'a [f64],
-    /// Root body of each body's tree.
-    pub body_root: &'a [i32],
-    /// Centre of mass of each body's subtree, world.
-    pub subtree_com: &'a [f64],
-    /// Velocity of each body (`cvel`).
-    pub body_velocity: &'a [f64],
-    /// Generalised velocity (`qvel`).
-    pub joint_velocity: &'a [f64],
-    /// Generalised acceleration without constraint forces (`qacc_smooth`).
-    pub acceleration: &'a [f64],
-}
-
-impl<'a> Dynamics<'a> {
-    /// Of the engine's present state.
-    pub fn of(sim: &'a Simulation) -> Self {
-        let model = sim.model();
-        Dynamics {
-            dof_parent: model.dof_parentid(),
-            dof_body: model.dof_bodyid(),
-            factor: sim.mass_factor(),
-            inverse_diagonal: sim.qLDiagInv(),
-            dof_axis: sim.cdof(),
-            axis_rate: sim.cdof_dot(),
-            composite_inertia: sim.crb(),
-            body_root: model.body_rootid(),
-            subtree_com: sim.subtree_com(),
-            body_velocity: sim.cvel(),
-            joint_velocity: sim.qvel(),
-            acceleration: sim.qacc_smooth(),
-        }
-    }
-
-    /// Centre of mass of the tree that `body` belongs to: the point that its spatial vectors refer to \[m\].
-    pub fn reference_point(&self, body: usize) -> Vector3<f64> {
-        let root = self.body_root[body] as usize;
-        Vector3::from_column_slice(&self.subtree_com[3 * root..3 * root + 3])
-    }
-
-    /// Velocity of `body`.
-    pub fn velocity(&self, body: usize) -> Spatial {
-        Spatial::from_column_slice(&self.body_velocity[6 * body..6 * body + 6])
-    }
-
-    /// Motion axis of a degree of freedom.
-    pub fn axis(&self, dof: usize) -> Spatial {
-        Spatial::from_column_slice(&self.dof_axis[6 * dof..6 * dof + 6])
-    }
-
-    /// Adds the generalised force of a wrench on what `leaf` moves last, about its reference point, to `out`.
-    pub fn add_wrench(&self, leaf: Option<usize>, wrench: &Spatial, out: &mut [f64]) {
-        for dof in leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf)) {
-            out[dof] += self.axis(dof).dot(wrench);
-        }
-    }
-
-    /// Adds to `out` what a wrench on what `leaf` moves last, about its reference point, adds to the generalised force in
-    /// `time`, while it changes by `change` and the joints' axes turn.
-    pub fn add_wrench_change(&self, leaf: Option<usize>, [wrench, change]: [&Spatial; 2], time: f64, out: &mut [f64]) {
-        for dof in leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf)) {
-            out[dof] += self.axis(dof).dot(change) + time * self.axis_rate(dof).dot(wrench);
-        }
-    }
-
-    fn axis_rate(&self, dof: usize) -> Spatial {
-        Spatial::from_column_slice(&self.axis_rate[6 * dof..6 * dof + 6])
-    }
-
-    /// Acceleration of what `leaf` moves while no joint accelerates, `dJ/dt qvel`.
-    pub fn turning(&self, leaf: Option<usize>) -> Spatial {
-        let dofs = leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf));
-        dofs.fold(Spatial::zeros(), |sum, dof| sum + self.axis_rate(dof) * self.joint_velocity[dof])
-    }
-
-    /// `L` entries of `dof` for its ancestors, the nearest first.
-    fn ancestors_factor(&self, dof: usize) -> impl Iterator<Item = f64> {
-        self.factor.ancestors(dof)
-    }
-
-    /// Parent of a degree of freedom.
-    pub fn parent(&self, dof: usize) -> Option<usize> {
-        usize::try_from(self.dof_parent[dof]).ok()
-    }
-
-    /// `x <- D^-1/2 L^-T x`: a row of a Jacobian in coordinates in which the mass matrix is the identity.
-    pub fn whiten(&self, x: &mut [f64]) {
-        for dof in (0..x.len()).rev() {
-            if x[dof] != 0.0 {
-                self.whiten_at(dof, x);
-            }
-        }
-    }
-
-    /// As [`whiten`](Self::whiten), of a row with entries for `dof` and its ancestors only.
-    pub fn whiten_chain(&self, dof: usize, x: &mut [f64]) {
-        self.with_ancestors(dof).for_each(|dof| self.whiten_at(dof, x));
-    }
-
-    /// A degree of freedom and those before it, towards the base.
-    pub fn with_ancestors(&self, dof: usize) -> impl Iterator<Item = usize> {
-        std::iter::successors(Some(dof), |&dof| self.parent(dof))
-    }
-
-    fn whiten_at(&self, dof: usize, x: &mut [f64]) {
-        let value = x[dof];
-        let mut ancestor = self.parent(dof);
-        for l in self.ancestors_factor(dof) {
-            let Some(j) = ancestor else { break };
-            x[j] -= l * value;
-            ancestor = self.parent(j);
-        }
-        x[dof] = value * self.inverse_diagonal[dof].sqrt();
-    }
-
-    /// Momentum of the subtree at `dof` per unit of its velocity: `crb * cdof`, a column of the mass matrix in space.
-    fn momentum(&self, dof: usize) -> Spatial {
-        let body = self.dof_body[dof] as usize;
-        let i = &self.composite_inertia[10 * body..10 * body + 10];
-        let v = &self.dof_axis[6 * dof..6 * dof + 6];
-        Spatial::new(
-            i[0] * v[0] + i[3] * v[1] + i[4] * v[2] - i[8] * v[4] + i[7] * v[5],
-            i[3] * v[0] + i[1] * v[1] + i[5] * v[2] + i[8] * v[3] - i[6] * v[5],
-            i[4] * v[0] + i[5] * v[1] + i[2] * v[2] - i[7] * v[3] + i[6] * v[4],
-            i[8] * v[1] - i[7] * v[2] + i[9] * v[3],
-            i[6] * v[2] - i[8] * v[0] + i[9] * v[4],
-            i[7] * v[0] - i[6] * v[1] + i[9] * v[5],
-        )
-    }
-}
 
 /// Acceleration of one body under wrenches on it: `a = smooth + factor y`, where `1/2 |y|^2` is the inertial cost.
 #[derive(Clone, Debug, Default)]

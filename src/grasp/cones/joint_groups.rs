@@ -5,7 +5,8 @@
 
 use crate::grasp::cones::arrow::{ROOT, RootVector};
 use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints, Jacobian};
-use crate::grasp::cones::inverse_inertia::{Dynamics, HandInverseInertia};
+use crate::grasp::cones::dynamics::Dynamics;
+use crate::grasp::cones::inverse_inertia::HandInverseInertia;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::hand::topology::Topology;
 

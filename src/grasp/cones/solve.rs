@@ -15,7 +15,8 @@ mod resume;
 
 use crate::grasp::cones::arrow::{Arrow, ROOT, RootVector, Status};
 use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints};
-use crate::grasp::cones::inverse_inertia::{Dynamics, HandInverseInertia, Spatial};
+use crate::grasp::cones::dynamics::Dynamics;
+use crate::grasp::cones::inverse_inertia::{HandInverseInertia, Spatial};
 use crate::grasp::cones::joint_groups::JointGroups;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};

@@ -1,6 +1,6 @@
 //! The contacts between hand and target, read from the engine's collision stage.
 
-use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::ContactParameters;
 use crate::grasp::error::Error;
@@ -10,7 +10,10 @@ use crate::grasp::monitor::wrench::LoadedContact;
 use crate::mujoco::{BodyId, Contact, GeomId, Simulation};
 use nalgebra::Vector3;
 
+mod memory;
 mod motion;
+
+pub(in crate::grasp) use memory::{SavedContact, WarmStart};
 
 /// A contact that moves as far between two whole steps has jumped, as the one point that stands for a face may do in every step
 /// \[m\].
@@ -65,75 +68,6 @@ pub struct GraspContact {
     warm_start: Option<WarmStart>,
     /// How far the same contact's normal has tilted (as a rotation) and its point has come since it was read last.
     displacement: Option<[Vector3<f64>; 2]>,
-}
-
-/// What a contact remembers of the last step, in this step's axes.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::grasp) struct WarmStart {
-    /// Force of each row in the pass with soft contacts.
-    pub main: [f64; 6],
-    /// Friction: two tangents, spin, two rolling.
-    pub friction: [f64; 5],
-    /// What the friction pass changed in it; `None` if the engine solved the contact.
-    pub correction: Option<[f64; 5]>,
-    /// Where on its cone it was.
-    pub active_sets: [ActiveSet; 2],
-}
-
-/// What a contact hands on to the next step.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(in crate::grasp) struct SavedContact {
-    /// The two geoms, in the engine's order.
-    pub geoms: (usize, usize),
-    pub position: Vector3<f64>,
-    pub normal: Vector3<f64>,
-    /// Force of each row in the pass with soft contacts.
-    pub main: [f64; 6],
-    /// Friction force and torque, world axes.
-    pub friction: [Vector3<f64>; 2],
-    /// What the friction pass changed in them; `None` if the engine solved the contact.
-    pub correction: Option<[Vector3<f64>; 2]>,
-    pub active_sets: [ActiveSet; 2],
-}
-
-impl SavedContact {
-    fn of(contact: &GraspContact) -> SavedContact {
-        let [n, t1, t2] = &contact.axes;
-        let (f, main) = (&contact.force_rows, &contact.main);
-        let friction = [contact.force - n * f[0], contact.torque];
-        let soft = [t1 * main[1] + t2 * main[2], n * main[3] + t1 * main[4] + t2 * main[5]];
-        let correction = [friction[0] - soft[0], friction[1] - soft[1]];
-        SavedContact {
-            geoms: contact.geoms,
-            position: contact.position,
-            normal: *n,
-            main: *main,
-            friction,
-            correction: contact.solved.then_some(correction),
-            active_sets: contact.active_sets,
-        }
-    }
-
-    /// The memory in the axes of the same contact one step later.
-    fn warm_start(&self, contact: &GraspContact) -> WarmStart {
-        let [n, t1, t2] = &contact.axes;
-        let rows = |[force, torque]: &[Vector3<f64>; 2]| -> [f64; 5] {
-            [force.dot(t1), force.dot(t2), torque.dot(n), torque.dot(t1), torque.dot(t2)]
-        };
-        WarmStart {
-            main: self.main,
-            friction: rows(&self.friction),
-            correction: self.correction.as_ref().map(rows),
-            active_sets: self.active_sets,
-        }
-    }
-
-    /// True if every number is finite.
-    pub fn is_finite(&self) -> bool {
-        let vectors =
-            self.friction.iter().chain(self.correction.iter().flatten()).chain([&self.position, &self.normal]);
-        vectors.flat_map(|v| v.iter()).chain(&self.main).all(|x| x.is_finite())
-    }
 }
 
 impl GraspContact {

@@ -1,7 +1,7 @@
 //! A latched grasp's part in a step: its contacts leave the engine's solve, its forces come in their place.
 
 use super::Grasp;
-use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::cones::solve::SolveStatus;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::softness::SolverOptions;

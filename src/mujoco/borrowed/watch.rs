@@ -42,15 +42,11 @@ impl Watch {
             self.shapes.take(&now);
             sim.renew_model();
         }
-        if !frozen {
-            // Nothing goes on from the last step if the next one is whole, or if it is the first that might.
-            if !self.frozen {
-                sim.note_change();
-                return;
-            }
-        } else if !self.frozen {
-            self.frozen = true;
-            self.continues = false;
+        self.frozen |= frozen;
+        if !self.frozen {
+            // Nothing goes on from the last step if every step is whole.
+            sim.note_change();
+            return;
         }
         let now = parameters(sim.model_fields());
         if !self.parameters.is(&now) {
@@ -63,8 +59,8 @@ impl Watch {
     }
 
     /// After a visit.
-    pub fn remember(&mut self, sim: &Simulation, frozen: bool) {
-        self.continues = frozen || self.frozen;
+    pub fn remember(&mut self, sim: &Simulation) {
+        self.continues = self.frozen;
         if self.continues {
             self.state.take(&state(sim, &counts(sim)));
         }

@@ -6,7 +6,6 @@ use crate::mujoco::ffi;
 use crate::mujoco::guard;
 use crate::mujoco::simulation::Simulation;
 use crate::mujoco::warnings::WarningKind;
-use nalgebra::Vector3;
 use std::ffi::{c_char, c_int};
 
 type Handler = unsafe extern "C-unwind" fn(*const c_char);
@@ -440,13 +439,13 @@ pub(in crate::mujoco) fn collision_kinds(m: &ffi::mjModel) -> (bool, bool) {
 ///
 /// # Safety
 /// The geom is initialised.
-#[cfg_attr(not(feature = "render"), allow(dead_code))]
+#[cfg(feature = "render")]
 pub(in crate::mujoco) unsafe fn connect(
     geom: *mut ffi::mjvGeom,
     kind: i32,
     width: f64,
-    from: Vector3<f64>,
-    to: Vector3<f64>,
+    from: nalgebra::Vector3<f64>,
+    to: nalgebra::Vector3<f64>,
 ) {
     // SAFETY: as the caller promises.
     unsafe { ffi::mjv_makeConnector(geom, kind, width, from.x, from.y, from.z, to.x, to.y, to.z) }

@@ -5,12 +5,13 @@
 //! grasp's fingers are not its own, but with their own softness and memory as in a grasp that is alone.
 
 use super::{CoupledConstraint, CoupledConstraints, Jacobian, Owner};
-use crate::grasp::cones::inverse_inertia::{Dynamics, Spatial};
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg;
+use crate::grasp::linalg::Spatial;
 
 impl CoupledConstraints {
     /// Adds the contacts of another grasp, whose hand and target are in `topology`. After [`read`](Self::read).

@@ -2,7 +2,7 @@
 
 use super::{GraspSolver, Member, SolveStatus};
 use crate::grasp::cones::coupled::CoupledConstraints;
-use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};
 use crate::grasp::contact::softness::{SolverOptions, softness};

@@ -1,7 +1,7 @@
 //! How the two bodies of a contact move there, and what of that the next step on frozen geometry takes on.
 
 use super::{GraspContact, WarmStart, spatial};
-use crate::grasp::cones::inverse_inertia::Dynamics;
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::Spatial;
 use nalgebra::Vector3;
@@ -30,9 +30,14 @@ impl GraspContact {
         [t[0] - h[0], t[1] - h[1]]
     }
 
+    /// The same, per second, of the bodies' present velocities.
+    fn relative_velocity(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
+        self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)))
+    }
+
     /// Rotation and translation of the target relative to the link at the contact, per second.
     pub(in crate::grasp) fn velocity(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
-        let [turn, move_] = self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)));
+        let [turn, move_] = self.relative_velocity(dynamics);
         [turn + self.drift[0], move_ + self.drift[1]]
     }
 
@@ -67,8 +72,9 @@ impl GraspContact {
         self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets });
     }
 
-    /// Adds what the contact's force adds to the generalised force with each further step, to first order in time: its point and
-    /// normal go on as since the last reading, `elapsed` steps ago. With `dp` and `R` its way and rotation, `d(p x f) = dp x f + p x (R x f)`.
+    /// Adds what the contact's force adds to the generalised force with each further step, to first order in time: its point
+    /// and normal go on as since the last reading, `elapsed` steps ago. With `dp` and `R` its way and rotation,
+    /// `d(p x f) = dp x f + p x (R x f)`.
     pub(in crate::grasp) fn add_turn(&self, dynamics: &Dynamics<'_>, timestep: f64, elapsed: usize, out: &mut [f64]) {
         let [turn, move_] = self.displacement.unwrap_or_default().map(|since| since / elapsed as f64);
         let force_change = turn.cross(&self.force);
@@ -85,7 +91,7 @@ impl GraspContact {
 
     /// Tangential velocity of the target relative to the link, from the bodies' present velocities \[m/s\].
     pub(super) fn slip(&self, dynamics: &Dynamics<'_>) -> Vector3<f64> {
-        let [_, velocity] = self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)));
+        let [_, velocity] = self.relative_velocity(dynamics);
         let n = &self.axes[0];
         velocity - n * n.dot(&velocity)
     }

@@ -20,7 +20,6 @@ pub(in crate::mujoco) use inertia::{actuator_moment, full_mass_matrix};
 pub(in crate::mujoco) use messages::*;
 
 use crate::mujoco::ffi;
-use nalgebra::Vector3;
 use std::ffi::{c_char, c_int};
 
 pub(in crate::mujoco) use ffi::mj_implicit;
@@ -192,13 +191,13 @@ pub(in crate::mujoco) fn solver_iter(d: &ffi::mjData) -> i32 {
 ///
 /// # Safety
 /// The geom is initialised.
-#[cfg_attr(not(feature = "render"), allow(dead_code))]
+#[cfg(feature = "render")]
 pub(in crate::mujoco) unsafe fn connect(
     geom: *mut ffi::mjvGeom,
     kind: i32,
     width: f64,
-    from: Vector3<f64>,
-    to: Vector3<f64>,
+    from: nalgebra::Vector3<f64>,
+    to: nalgebra::Vector3<f64>,
 ) {
     // SAFETY: as the caller promises; two points of three numbers.
     unsafe { ffi::mjv_connector(geom, kind, width, from.as_ptr(), to.as_ptr()) }
