@@ -207,6 +207,26 @@ fn opening_the_hand_releases_and_drops_the_target() {
 }
 
 /// A dense Jacobian, and for bounded rows no noslip pass, for as long as the grasp is latched.
+/// With one finger left the rows of the weld would hold the target by nothing, for the rest of the release time.
+#[test]
+fn a_weld_to_effectors_that_no_longer_resist_all_motions_is_given_up_at_once() {
+    for limits in MERGED {
+        let mut claw = Claw::closed_as("claw.xml", |_, spec| {
+            spec.limits = limits;
+            spec.release_time = 1e3;
+        });
+        claw.run(0.2);
+        assert_eq!(claw.grasp().phase(), Phase::Grasped);
+        claw.open();
+        while claw.grasp().phase() == Phase::Grasped {
+            assert!(claw.grasp().quality() > 0.0, "{limits:?}: still merged without quality");
+            assert!(claw.sim.time() < 10.0, "{limits:?}: never given up");
+            claw.step();
+        }
+        assert_eq!(claw.grasp().quality(), 0.0);
+    }
+}
+
 #[test]
 fn the_users_solver_settings_come_back() {
     let settings = |claw: &Claw| (claw.sim.model().noslip_iterations(), claw.sim.model().jacobian_storage());

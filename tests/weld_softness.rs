@@ -70,6 +70,28 @@ fn a_soft_axis_deflects_by_force_over_stiffness_and_the_others_do_not() {
     }
 }
 
+/// The displacement since the latch goes on where poses are frozen.
+#[test]
+fn a_soft_axis_swings_on_frozen_geometry_as_with_whole_steps() {
+    let mut frozen = held(soft_along);
+    let mut whole = frozen.clone();
+    let (start, before) = (frozen.offset(), frozen.grasps.frozen_steps());
+    let (mut moved, mut apart) = (0.0f64, 0.0f64);
+    for _ in 0..50 {
+        for claw in [&mut frozen, &mut whole] {
+            claw.push(Vector3::new(0.0, 0.0, 0.4));
+        }
+        frozen.grasps.steps(&mut frozen.sim, 10).expect("steps");
+        (0..10).for_each(|_| whole.step());
+        moved = moved.max((whole.offset() - start).norm());
+        apart = apart.max((frozen.offset() - whole.offset()).norm());
+    }
+    let share = (frozen.grasps.frozen_steps() - before) as f64 / 500.0;
+    assert!(share > 0.6, "{share} of the steps were frozen");
+    // without that the spring is no longer felt, and it is a fifth off
+    assert!(moved > 2e-4 && apart < 0.03 * moved, "{apart} m apart, of {moved} m");
+}
+
 /// `solref` and `solimp` are those of all axes without bounds.
 #[test]
 fn rigid_axes_have_a_softness_of_their_own() {

@@ -228,8 +228,15 @@ impl Grasp {
     /// After a grasped step: releases when the hand has lost its hold.
     pub(super) fn observe_grasped(&mut self, sim: &Simulation) {
         self.measure(sim);
-        if self.machine.observe_grasped(self.has_hold(), sim.model().timestep()) == Phase::Ungrasped {
-            self.forget();
+        self.keep_or_release(sim.model().timestep());
+    }
+
+    /// A weld to effectors that no longer resist all six motions of the target stands for nothing: that is the end at once,
+    /// whatever the release time.
+    fn keep_or_release(&mut self, elapsed: f64) {
+        let void = self.is_merged() && !self.gram.exceeds(0.0);
+        if void || self.machine.observe_grasped(self.has_hold(), elapsed) == Phase::Ungrasped {
+            self.release();
         }
     }
 

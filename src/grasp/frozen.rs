@@ -145,10 +145,10 @@ impl Grasps {
         self.frozen.count
     }
 
-    /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (a grasp
-    /// with limits "box" or "rigid"), "changed" (it has just latched, or something was changed from outside), "refresh" (after
-    /// 12 frozen ones), "contacts" (some have just come, gone or jumped), "turned" and "slid" (further than the tolerance), "near"
-    /// (something else may touch something).
+    /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (rows
+    /// beside a grasp with limits "box" or "rigid" that only the engine's solver can solve), "changed" (it has just latched, or
+    /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped),
+    /// "turned" and "slid" (further than the tolerance), "near" (something else may touch something).
     pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Obstacle::NAMES.into_iter().zip(self.frozen.whole).filter(|(_, count)| *count > 0)
     }
@@ -166,7 +166,9 @@ impl Grasps {
 
     /// Why the next step has to be a whole one, if it has.
     fn obstacle(&mut self, sim: &Simulation) -> Option<Obstacle> {
-        if !self.latched().all(Grasp::is_cones) || self.settings.is_some() {
+        let merged = self.latched().filter(|grasp| grasp.is_merged()).count();
+        let alike = merged == 0 && self.settings.is_none() || merged == self.latched().count();
+        if !alike || merged > 0 && !self.bounded_rows.can_resume() {
             return Some(Obstacle::Merged);
         }
         let resumes = |grasp: &Grasp| grasp.can_resume(sim.stamp());
@@ -193,6 +195,8 @@ impl Grasps {
         } else if !(frozen.slip < LEVER * frozen.tolerance) {
             Some(Obstacle::Slid)
         } else if !(2.0 * way <= frozen.slack + LATE) {
+            let pace = way / (frozen.steps + 1) as f64;
+            self.detector.want(2.0 * pace * (MAX_STEPS + 1) as f64);
             Some(Obstacle::Near)
         } else {
             None

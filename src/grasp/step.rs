@@ -97,7 +97,7 @@ impl Hooks for Grasps {
         let merged = self.list.iter().any(Grasp::is_merged);
         if merged {
             for grasp in self.list.iter_mut().filter(|g| g.is_merged()) {
-                grasp.load_merged(sim, &mut self.force.generalised)?;
+                grasp.load_merged(sim, self.frozen.is_now(), &mut self.force.generalised)?;
             }
         }
         if !self.solve_merged(sim)? {
@@ -185,6 +185,9 @@ impl Grasps {
     /// Solves all rows of a step whose latched grasps are all merged; false if that is not so, or if there are rows for the
     /// engine's own solver.
     fn solve_merged(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
+        if self.frozen.is_now() && self.bounded_rows.can_resume() {
+            return self.bounded_rows.resume(sim, &self.force.generalised);
+        }
         let welds = self.weld_rows(sim);
         Ok(!self.list.iter().any(Grasp::is_cones) && self.bounded_rows.solve(sim, &welds, &self.force.generalised)?)
     }

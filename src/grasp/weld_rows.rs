@@ -12,6 +12,7 @@ use std::ops::Range;
 impl Grasps {
     /// Makes the engine's constraint rows, with the weld rows of each latched merged grasp that has contacts.
     pub(super) fn make_constraint(&mut self, sim: &mut Simulation) -> Result<(), Error> {
+        self.list.iter_mut().for_each(Grasp::forget_weld_rows);
         let count = self.welded().count();
         if count == 0 {
             return Ok(sim.make_constraint()?);

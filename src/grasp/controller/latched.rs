@@ -88,9 +88,25 @@ impl Grasp {
         merged.write_rows(sim, &self.topology, &options, self.set.contacts(), rigid, bounded)
     }
 
-    /// Sets the weld rows' references and bounds, and adds the internal forces to `out`.
-    pub(in crate::grasp) fn load_merged(&mut self, sim: &mut Simulation, out: &mut [f64]) -> Result<(), Error> {
+    /// Before the rows of a whole step are made.
+    pub(in crate::grasp) fn forget_weld_rows(&mut self) {
+        if let Some((_, merged)) = &mut self.merged {
+            merged.forget_rows();
+        }
+    }
+
+    /// Sets the weld rows' references and bounds, and adds the internal forces to `out`; `frozen`: one step on frozen geometry
+    /// after the last.
+    pub(in crate::grasp) fn load_merged(
+        &mut self,
+        sim: &mut Simulation,
+        frozen: bool,
+        out: &mut [f64],
+    ) -> Result<(), Error> {
         let Some((_, merged)) = &mut self.merged else { return Ok(()) };
+        if frozen {
+            merged.resume(sim, &self.topology, self.set.contacts_mut());
+        }
         merged.load(sim, &self.topology, self.set.contacts(), out)
     }
 
@@ -184,17 +200,22 @@ impl Grasp {
     pub(in crate::grasp) fn can_resume(&self, now: Stamp) -> bool {
         match self.machine.phase() {
             Phase::Grasped => {
-                self.is_cones() && self.stamp == Some(now) && self.set.contacts().iter().all(|c| c.solved)
+                let solved = match &self.merged {
+                    Some((_, merged)) => merged.has_rows(),
+                    None => self.set.contacts().iter().all(|c| c.solved),
+                };
+                solved && self.stamp == Some(now)
             }
             Phase::Ungrasped => self.set.contacts().is_empty(),
         }
     }
 
-    /// After a frozen step: releases when the hand has lost its hold. The quality stays that of the last whole step.
+    /// After a frozen step: releases when the hand has lost its hold. With cones the quality stays that of the last whole step.
     pub(in crate::grasp) fn observe_frozen(&mut self, sim: &Simulation) {
-        if self.machine.observe_grasped(self.has_hold(), sim.model().timestep()) == Phase::Ungrasped {
-            self.forget();
+        if self.is_merged() {
+            self.measure(sim);
         }
+        self.keep_or_release(sim.model().timestep());
     }
 
     fn check_forces(&self, sim: &Simulation) -> Result<(), Error> {

@@ -66,6 +66,13 @@ impl Detector {
         }
     }
 
+    /// What [`slack`](Self::slack) should be after the next look, as far as it is so \[m\].
+    pub(in crate::grasp) fn want(&mut self, slack: f64) {
+        if let Some((_, clearance)) = &mut self.direct {
+            clearance.want(slack);
+        }
+    }
+
     /// Takes the place of the engine's collision stage if nothing can touch but the hands and targets of `grasps`, each
     /// with its own, and what was near before; false, with nothing done, if something else might, or if the stage might find
     /// other contacts.

@@ -53,6 +53,14 @@ impl BilateralContact {
             friction,
         }
     }
+
+    /// One step on frozen geometry later.
+    pub(in crate::grasp) fn resume(&mut self, contact: &GraspContact, options: &SolverOptions) {
+        let soft = softness(&contact.parameters, options);
+        (self.damping, self.spring) = (soft.damping, soft.spring);
+        let rows = 1..contact.parameters.condim;
+        self.friction[rows.clone()].copy_from_slice(&contact.force_rows[rows]);
+    }
 }
 
 impl SavedBilateral {

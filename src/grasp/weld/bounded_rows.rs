@@ -19,6 +19,10 @@ use crate::grasp::linalg;
 use crate::mujoco::{RowKind, RowState, Simulation};
 use std::ops::Range;
 
+mod row;
+
+use row::{At, Entries, Row};
+
 /// More than it takes; rounding may keep a row from settling on either side of its bound.
 const MOST_ITERATIONS: usize = 30;
 /// Steps in which the least cost along a line is found, and how much of its slope may be left.
@@ -34,19 +38,24 @@ pub(in crate::grasp) struct BoundedRows {
     mass: TreeFactor,
     /// Of `H`.
     factor: TreeFactor,
-    /// `L^-T` of the dense rows' `J^T` and, next to them, of the known forces: a line for each degree of freedom.
+    /// `L^-T` of the dense rows' `J^T`, zero of those at a bound: a line for each degree of freedom.
     columns: Vec<f64>,
-    /// `J H^-1 J^T + R` of the dense rows and its factor; next to it, `J H^-1` of the known forces.
+    /// `J H^-1 J^T + R` of the dense rows, and its factor.
     system: Vec<f64>,
     factored: Vec<f64>,
-    /// Of the dense rows that are at no bound; zero for the others, which are among the known forces, and then a one for
-    /// these.
+    /// Generalised forces that are known, and `L^-T` of them.
+    known: Vec<f64>,
+    /// `J H^-1` of the known forces.
+    answer: Vec<f64>,
+    /// Of the dense rows that are at no bound; zero for the others, which are among the known forces.
     force: Vec<f64>,
     acceleration: Vec<f64>,
     /// Where a whole step of Newton's method leads, the step, and M times what is left of the smooth acceleration.
     next: Vec<f64>,
     step: Vec<f64>,
     inertial: Vec<f64>,
+    /// All rows of the last step were solved.
+    complete: bool,
     /// Leaves everything to the engine.
     #[cfg(test)]
     pub idle: bool,
@@ -55,82 +64,41 @@ pub(in crate::grasp) struct BoundedRows {
     pub solved: usize,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Row {
-    entries: Entries,
-    reference: f64,
-    regularisation: f64,
-    bounds: [f64; 2],
-    at: At,
-    force: f64,
-    /// `J a`, and after a whole step of Newton's method.
-    motion: f64,
-    next: f64,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Entries {
-    /// Degree of freedom, and the entry.
-    Single(usize, f64),
-    /// Number among the dense rows.
-    Dense(usize),
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum At {
-    Lower,
-    Between,
-    Upper,
-}
-
-impl Row {
-    /// Takes the force at `J a = motion`.
-    fn follow(&mut self, motion: f64) {
-        (self.motion, self.at, self.force) = (motion, self.at(motion), self.force_at(motion));
-    }
-
-    fn at(&self, motion: f64) -> At {
-        let force = (self.reference - motion) / self.regularisation;
-        let [lower, upper] = self.bounds;
-        match force {
-            f if f <= lower => At::Lower,
-            f if f >= upper => At::Upper,
-            _ => At::Between,
-        }
-    }
-
-    fn force_at(&self, motion: f64) -> f64 {
-        ((self.reference - motion) / self.regularisation).max(self.bounds[0]).min(self.bounds[1])
-    }
-
-    fn is_free(&self) -> bool {
-        self.at == At::Between
-    }
-
-    /// `J a`, for the dense rows' `jacobian`.
-    fn motion_in(&self, acceleration: &[f64], jacobian: &[f64]) -> f64 {
-        match self.entries {
-            Entries::Single(dof, entry) => entry * acceleration[dof],
-            Entries::Dense(k) => {
-                let nv = acceleration.len();
-                linalg::dot(&jacobian[k * nv..(k + 1) * nv], acceleration)
-            }
-        }
-    }
-}
-
 impl BoundedRows {
     /// Solves all rows, those of welds being `welds`, beside the generalised forces `internal`, and ends the engine's solve
     /// with that. False, with nothing written, if it is for the engine's own solver: there are elliptic cones or a noslip
     /// pass.
     pub fn solve(&mut self, sim: &mut Simulation, welds: &Range<usize>, internal: &[f64]) -> Result<bool, Error> {
+        self.complete = false;
         #[cfg(test)]
         if self.idle {
             return Ok(false);
         }
-        if !self.read(sim, welds)? {
-            return Ok(false);
+        Ok(self.read(sim, welds)? && self.iterate(sim, internal)?)
+    }
+
+    /// As [`solve`](Self::solve), one step on frozen geometry later: the same rows, with other references and bounds.
+    pub fn resume(&mut self, sim: &mut Simulation, internal: &[f64]) -> Result<bool, Error> {
+        self.complete = false;
+        self.acceleration.copy_from_slice(sim.qacc_warmstart());
+        for (number, row) in self.rows.iter_mut().enumerate() {
+            (row.reference, row.regularisation) = (sim.efc_aref()[number], sim.efc_R()[number]);
+            if row.bounds[0].is_finite() && row.bounds[1].is_finite() {
+                let limit = sim.efc_frictionloss()[number];
+                row.bounds = [-limit, limit];
+            }
+            row.follow(row.motion_in(&self.acceleration, &self.jacobian));
         }
+        self.iterate(sim, internal)
+    }
+
+    /// Whether the last step's rows can be solved again where nothing but time has passed.
+    pub fn can_resume(&self) -> bool {
+        self.complete
+    }
+
+    /// Newton's method on the set of rows at a bound.
+    fn iterate(&mut self, sim: &mut Simulation, internal: &[f64]) -> Result<bool, Error> {
         let mut settled = false;
         for _ in 0..MOST_ITERATIONS {
             self.solve_between(sim, internal);
@@ -153,6 +121,7 @@ impl BoundedRows {
                 self.solved += 1;
             }
         }
+        self.complete = settled;
         Ok(settled)
     }
 
@@ -194,6 +163,7 @@ impl BoundedRows {
                 reference: sim.efc_aref()[number],
                 regularisation: sim.efc_R()[number],
                 bounds,
+                factored: None,
                 at: At::Between,
                 force: 0.0,
                 motion: 0.0,
@@ -211,36 +181,17 @@ impl BoundedRows {
 
     /// The acceleration with the rows at a bound held there, and the others without bounds.
     fn solve_between(&mut self, sim: &Simulation, internal: &[f64]) {
-        let n = self.dense.len();
-        let width = self.width();
+        if !self.rows.iter().all(|row| row.factored == Some(row.stiffness())) {
+            self.factorise(sim.model().nv());
+        }
         let smooth = sim.qacc_smooth();
-        self.factor.copy_from(&self.mass);
-        self.columns.clear();
-        self.columns.resize(smooth.len() * width, 0.0);
-        for (line, force) in self.columns.chunks_exact_mut(width).zip(internal) {
-            line[n] = *force;
-        }
-        for row in &self.rows {
-            let Entries::Single(dof, entry) = row.entries else { continue };
-            self.columns[dof * width + n] += if row.is_free() {
-                let stiffness = entry / row.regularisation;
-                self.factor.strengthen(dof, entry * stiffness);
-                stiffness * (row.reference - entry * smooth[dof])
-            } else {
-                entry * row.force
-            };
-        }
-        for (k, (jacobian, &number)) in self.jacobian.chunks_exact(smooth.len()).zip(&self.dense).enumerate() {
-            let row = &self.rows[number];
-            let (column, scale) = if row.is_free() { (k, 1.0) } else { (n, row.force) };
-            for (line, entry) in self.columns.chunks_exact_mut(width).zip(jacobian) {
-                line[column] += scale * entry;
-            }
-        }
-        self.factor.forward(&mut self.columns, width);
+        self.push_known(smooth, internal);
         self.solve_dense(smooth);
         self.next.clear();
-        self.next.extend(self.columns.chunks_exact(width).map(|line| linalg::dot_lanes(line, &self.force)));
+        let width = self.width();
+        let lines = self.columns.chunks_exact(width.max(1));
+        self.next.extend_from_slice(&self.known);
+        self.next.iter_mut().zip(lines).for_each(|(next, line)| *next += linalg::dot_lanes(line, &self.force));
         self.factor.backward(&mut self.next);
         linalg::axpy(1.0, smooth, &mut self.next);
         for row in &mut self.rows {
@@ -248,16 +199,35 @@ impl BoundedRows {
         }
     }
 
-    /// Numbers of a line of columns: the dense rows and the known forces, in whole vectors.
+    /// Numbers of a line of columns: the dense rows, in whole vectors.
     fn width(&self) -> usize {
-        (self.dense.len() + 1).next_multiple_of(linalg::LANES)
+        self.dense.len().next_multiple_of(linalg::LANES)
     }
 
-    fn solve_dense(&mut self, smooth: &[f64]) {
+    /// Factors for the rows that are at no bound.
+    fn factorise(&mut self, nv: usize) {
         let (n, width) = (self.dense.len(), self.width());
+        self.factor.copy_from(&self.mass);
+        self.columns.clear();
+        self.columns.resize(nv * width, 0.0);
+        for row in &mut self.rows {
+            let stiffness = row.stiffness();
+            row.factored = Some(stiffness);
+            match row.entries {
+                Entries::Single(dof, entry) if stiffness > 0.0 => {
+                    self.factor.strengthen(dof, entry * entry * stiffness);
+                }
+                Entries::Dense(k) if stiffness > 0.0 => {
+                    let jacobian = &self.jacobian[k * nv..(k + 1) * nv];
+                    self.columns.chunks_exact_mut(width).zip(jacobian).for_each(|(line, entry)| line[k] = *entry);
+                }
+                _ => {}
+            }
+        }
+        self.factor.forward(&mut self.columns, width);
         self.system.clear();
         self.system.resize(n * width, 0.0);
-        for (line, inverse) in self.columns.chunks_exact(width).zip(self.factor.inverse_diagonal()) {
+        for (line, inverse) in self.columns.chunks_exact(width.max(1)).zip(self.factor.inverse_diagonal()) {
             for (entry, sum) in line[..n].iter().zip(self.system.chunks_exact_mut(width)) {
                 if *entry != 0.0 {
                     linalg::axpy_lanes(entry * inverse, line, sum);
@@ -265,19 +235,52 @@ impl BoundedRows {
             }
         }
         self.factored.clear();
-        self.force.clear();
-        for (k, (line, jacobian)) in
-            self.system.chunks_exact(width).zip(self.jacobian.chunks_exact(smooth.len().max(1))).enumerate()
-        {
-            let row = &self.rows[self.dense[k]];
+        for (k, (line, &number)) in self.system.chunks_exact(width.max(1)).zip(&self.dense).enumerate() {
             self.factored.extend_from_slice(&line[..n]);
-            self.factored[k * n + k] += row.regularisation;
-            let free = row.reference - linalg::dot(jacobian, smooth) - line[n];
-            self.force.push(if row.is_free() { free } else { 0.0 });
+            self.factored[k * n + k] += self.rows[number].regularisation;
         }
         linalg::cholesky(&mut self.factored, n);
+    }
+
+    /// `known <- L^-T` of the known forces: `internal`, those of rows at a bound, and of the others' single joints what they
+    /// resist to the smooth acceleration.
+    fn push_known(&mut self, smooth: &[f64], internal: &[f64]) {
+        self.known.clear();
+        self.known.extend_from_slice(internal);
+        for row in &self.rows {
+            match row.entries {
+                Entries::Single(dof, entry) => {
+                    let force =
+                        if row.is_free() { row.stiffness() * (row.reference - entry * smooth[dof]) } else { row.force };
+                    self.known[dof] += entry * force;
+                }
+                Entries::Dense(k) if !row.is_free() => {
+                    let nv = smooth.len();
+                    linalg::axpy(row.force, &self.jacobian[k * nv..(k + 1) * nv], &mut self.known);
+                }
+                Entries::Dense(_) => {}
+            }
+        }
+        self.factor.forward_one(&mut self.known);
+    }
+
+    fn solve_dense(&mut self, smooth: &[f64]) {
+        let (n, width) = (self.dense.len(), self.width());
+        self.answer.clear();
+        self.answer.resize(width, 0.0);
+        let lines = self.columns.chunks_exact(width.max(1));
+        for ((line, inverse), known) in lines.zip(self.factor.inverse_diagonal()).zip(&self.known) {
+            linalg::axpy_lanes(inverse * known, line, &mut self.answer);
+        }
+        self.force.clear();
+        for ((&number, jacobian), answer) in
+            self.dense.iter().zip(self.jacobian.chunks_exact(smooth.len().max(1))).zip(&self.answer)
+        {
+            let row = &self.rows[number];
+            let free = row.reference - linalg::dot(jacobian, smooth) - answer;
+            self.force.push(if row.is_free() { free } else { 0.0 });
+        }
         linalg::cholesky_backsolve(&self.factored, n, &mut self.force);
-        self.force.push(1.0);
         self.force.resize(width, 0.0);
     }
 

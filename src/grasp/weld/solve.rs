@@ -1,12 +1,13 @@
 //! The forms "box" and "rigid": a weld between the target and the merged effectors, with or without bounds.
 //!
 //! Each contact follows MuJoCo's own law with its rows kept bilateral, `J a + R f = aref`: the normal with its spring
-//! and softness; friction held without softness, by a small resistance to the *change* of its force. MergedHand, the
-//! contacts of a step are one motion of six axes, whose weld rows the engine solves with everything else, and a internal
-//! with a closed form. While no contact slides or opens, that is the engine's own solution.
+//! and softness; friction held without softness, by a small resistance to the *change* of its force. Merged (see
+//! [`MergedHand`]), the contacts of a step are one motion of six axes, whose weld rows are solved with everything else, and an
+//! internal force with a closed form. While no contact slides or opens, that is the engine's own solution.
 //!
 //! All references are velocities, except the normals' springs, so a row at its bound has nothing to spring back to.
 
+use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::{SolverOptions, softness};
@@ -15,23 +16,17 @@ use crate::grasp::hand::topology::Topology;
 use crate::grasp::spec::GraspSpec;
 use crate::grasp::weld::bilateral::{BilateralContact, SavedBilateral, normal_resistance};
 use crate::grasp::weld::bounds::Bounds;
-use crate::grasp::weld::impedance::{Fingers, ROWS, for_each_dof, link_motion, motion, relative_rows, row_wrench};
-use crate::grasp::weld::impedance::{condim, dof_motion, for_each_dof_below, power, reference_point};
+use crate::grasp::weld::impedance::{
+    Fingers, ROWS, for_each_dof, motion, power, reference_point, relative_rows, row_wrench,
+};
 use crate::grasp::weld::merged_hand::MergedHand;
-use crate::grasp::weld::rows::{WELD_ROWS, regularise};
-use crate::grasp::weld::six::{mean_distance, subtract, turn, turn_matrix};
+use crate::grasp::weld::rows::WELD_ROWS;
+use crate::grasp::weld::six::turn;
 use crate::grasp::weld::soft_axes::{SoftAxes, SoftMemory};
 use crate::mujoco::{BodyId, CompiledModel, Simulation};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
-/// Resistance to the change of a friction force, relative to the finger's own mobility along it. What it leaves of an
-/// error is gone once the force is steady.
-const RESISTANCE: f64 = 1e-3;
-/// Resistance of the rows that a contact does not have (beyond its condim), relative to the bodies' mobility: enough to
-/// say how the merged part turns where the contacts leave it free, too little to be felt where they do not.
-const ABSENT: f64 = 1e8;
-/// Least lever by which a mobility against forces becomes one against torques \[m\].
-const LEAST_LEVER: f64 = 1e-3;
+mod making;
 
 /// What stands in the weld's rows and why.
 #[derive(Clone, Debug)]
@@ -52,6 +47,8 @@ pub(in crate::grasp) struct MergedSolver {
     com: Vector3<f64>,
     /// Constraint row of each axis; `None` while no rows are made.
     rows: Option<[usize; WELD_ROWS]>,
+    /// How far the target has moved against the palm on frozen geometry, in the rows' axes.
+    since: Vector6<f64>,
     /// What of the merged softness the rows' regularisation is too much, see [`regularise`].
     excess: Matrix6<f64>,
     /// Wrench across the grasp in the last step, on the target, in `frame`.
@@ -99,6 +96,7 @@ impl MergedSolver {
             frame: Matrix3::identity(),
             com: Vector3::zeros(),
             rows: None,
+            since: Vector6::zeros(),
             excess: Matrix6::zeros(),
             wrench: Vector6::zeros(),
             bounds: Bounds::default(),
@@ -169,110 +167,27 @@ impl MergedSolver {
         self.bounds = Bounds::of(contacts.iter().map(|c| c.loaded()));
     }
 
-    /// Merges the contacts and fills the weld's rows `rows`, after the engine has made them.
-    pub(in crate::grasp) fn write_rows(
-        &mut self,
-        sim: &mut Simulation,
-        topology: &Topology,
-        options: &SolverOptions,
-        contacts: &[GraspContact],
-        rigid: &mut usize,
-        bounded: &mut usize,
-    ) -> Result<(), Error> {
-        self.place_frame(sim);
-        self.merge(sim, topology, options, contacts);
-        if !self.merged.finish() {
-            return Err(Error::Diverged { time: sim.time(), what: "the impedance of the merged effectors" });
+    /// One step on frozen geometry later, before [`load`](Self::load): the contacts have moved on.
+    pub(in crate::grasp) fn resume(&mut self, sim: &Simulation, topology: &Topology, contacts: &mut [GraspContact]) {
+        let (dynamics, options) = (Dynamics::of(sim), SolverOptions::of(sim.model()));
+        for (law, &i) in self.bilateral.iter_mut().zip(&self.order) {
+            contacts[i].resume(&dynamics, options.timestep);
+            law.resume(&contacts[i], &options);
         }
-        let rows = self.bounded.map(|b| {
-            let next = if b { &mut *bounded } else { &mut *rigid };
-            *next += 1;
-            *next - 1
-        });
-        self.rows = Some(rows);
-        let to_axes = self.frame.transpose();
-        let regularisation = regularise(&turn_matrix(&to_axes, &self.merged.softness()));
-        self.excess = regularisation.1;
-        self.fill_jacobian(sim, topology, contacts);
-        let nv = sim.model().nv();
-        for (axis, &row) in rows.iter().enumerate() {
-            sim.set_row_jacobian(row, &self.scratch.jacobian[axis * nv..(axis + 1) * nv])?;
-            sim.set_row_position(row, 0.0)?;
-            // no spring and no damper of the row's own: its reference is set outright, in `load`
-            sim.set_row_kbip(row, [0.0, 0.0, 0.5, 0.0])?;
-            sim.set_row_regularization(row, regularisation.0[axis])?;
-        }
-        Ok(())
-    }
-
-    /// Impedances of all contacts, finger by finger.
-    fn merge(&mut self, sim: &Simulation, topology: &Topology, options: &SolverOptions, contacts: &[GraspContact]) {
-        let lever = mean_distance(contacts).max(LEAST_LEVER);
-        self.merged.begin(self.fingers.base());
-        self.order.clear();
-        self.bilateral.clear();
-        let Scratch { group, mobility, base, maps, resistances, .. } = &mut self.scratch;
-        for finger in std::iter::once(None).chain((0..self.fingers.count()).map(Some)) {
-            group.clear();
-            group.extend((0..contacts.len()).filter(|&i| contacts[i].finger == finger));
-            if group.is_empty() {
-                continue;
-            }
-            self.fingers.mobility(sim, topology, finger, (contacts, group), mobility, base);
-            maps.clear();
-            resistances.clear();
-            let n: usize = group.iter().map(|&i| condim(&contacts[i])).sum();
-            let mut at = 0;
-            for &i in &*group {
-                let c = &contacts[i];
-                let law = BilateralContact::of(c, options, &self.memory);
-                for row in 0..ROWS {
-                    maps.push(row_wrench(c, row, &self.com));
-                    let bodies = c.parameters.inverse_weight / if row < 3 { 1.0 } else { lever * lever };
-                    resistances.push(match row {
-                        0 => law.resistance,
-                        _ if row < condim(c) => RESISTANCE * bodies.max(mobility[(at + row) * (n + 1)]),
-                        _ => ABSENT * bodies,
-                    });
-                }
-                at += condim(c);
-                self.bilateral.push(law);
-                self.order.push(i);
-            }
-            let coupled = group.iter().enumerate().flat_map(|(k, &i)| ROWS * k..ROWS * k + condim(&contacts[i]));
-            self.merged.add_finger(mobility, base, maps, resistances, coupled);
+        if self.soft.any() {
+            let [_, velocity] = self.motion_in_palm(sim, topology);
+            self.since += velocity * options.timestep;
         }
     }
 
-    /// `J_g`: target minus merged part, in the rows' axes; 6 x nv.
-    fn fill_jacobian(&mut self, sim: &Simulation, topology: &Topology, contacts: &[GraspContact]) {
-        let nv = sim.model().nv();
-        let to_axes = self.frame.transpose();
-        let jacobian = &mut self.scratch.jacobian;
-        jacobian.clear();
-        jacobian.resize(WELD_ROWS * nv, 0.0);
-        let target = self.target.index();
-        let arm = self.com - reference_point(sim, target);
-        for_each_dof(sim, topology, target, |dof| {
-            let axis = &sim.cdof()[6 * dof..6 * dof + 6];
-            let rotation = Vector3::from_column_slice(&axis[..3]);
-            let translation = Vector3::from_column_slice(&axis[3..]) + rotation.cross(&arm);
-            let (linear, angular) = (to_axes * translation, to_axes * rotation);
-            for i in 0..3 {
-                jacobian[i * nv + dof] += linear[i];
-                jacobian[(i + 3) * nv + dof] += angular[i];
-            }
-        });
-        // the joints that carry the palm move all links alike: one map for all of them
-        let (carrying, mut of_all) = (topology.leaf(topology.palm()), Matrix6::zeros());
-        for (block, &i) in self.order.iter().enumerate() {
-            let map = link_motion(sim, &contacts[i], |row| turn(&to_axes, self.merged.share(ROWS * block + row)));
-            of_all += map;
-            for_each_dof_below(sim, topology.leaf(contacts[i].link), carrying, |dof| {
-                subtract(jacobian, nv, dof, &(map * dof_motion(sim, dof)));
-            });
-        }
-        for_each_dof_below(sim, carrying, None, |dof| subtract(jacobian, nv, dof, &(of_all * dof_motion(sim, dof))));
+    /// The rows that were made are no longer there.
+    pub(in crate::grasp) fn forget_rows(&mut self) {
+        self.rows = None;
+    }
+
+    /// Whether there are rows, for a [`resume`](Self::resume).
+    pub(in crate::grasp) fn has_rows(&self) -> bool {
+        self.rows.is_some()
     }
 
     /// Once the smooth accelerations are known: sets the rows' references and bounds, and adds the internal force to the
@@ -335,10 +250,11 @@ impl MergedSolver {
         for (block, &i) in self.order.iter().enumerate() {
             let (c, law) = (&contacts[i], &self.bilateral[block]);
             let link = motion(sim, topology, c.link, sim.qvel());
-            let v = relative_rows(sim, c, &velocity, &link);
+            let mut v = relative_rows(sim, c, &velocity, &link);
             let link = motion(sim, topology, c.link, sim.qacc_smooth());
             let a = relative_rows(sim, c, &acceleration, &link);
             for row in 0..ROWS {
+                v[row] += c.drift_along(row);
                 let kept = if row == 0 {
                     law.offset - law.spring
                 } else {
@@ -354,7 +270,7 @@ impl MergedSolver {
 
     /// After the engine's solve: the contacts' forces from the rows' and the internal force, and the bounds for the next step.
     pub(in crate::grasp) fn read(&mut self, sim: &Simulation, contacts: &mut [GraspContact]) {
-        let Some(rows) = self.rows.take() else { return };
+        let Some(rows) = self.rows else { return };
         self.wrench = Vector6::from_fn(|axis, _| sim.efc_force()[rows[axis]]);
         let wrench = turn(&self.frame, &self.wrench);
         let at_bound = |axis: usize| self.bounded[axis] && self.wrench[axis].abs() >= self.bounds.axis(axis);
@@ -390,7 +306,8 @@ impl MergedSolver {
         let to_axes = self.frame.transpose();
         let palm = sim.body_quaternion(self.palm).to_rotation_matrix().into_inner();
         let velocity = at_com(self.target.index()) - at_com(self.palm.index());
-        [turn(&(to_axes * palm), &self.soft.displacement(self.pose(sim))), turn(&to_axes, &velocity)]
+        let displacement = turn(&(to_axes * palm), &self.soft.displacement(self.pose(sim)));
+        [displacement + self.since, turn(&to_axes, &velocity)]
     }
 
     fn place_frame(&mut self, sim: &Simulation) {

@@ -82,6 +82,19 @@ impl TreeFactor {
         }
     }
 
+    /// `x <- L^-T x`.
+    pub fn forward_one(&self, x: &mut [f64]) {
+        for dof in (0..self.parent.len()).rev() {
+            let value = x[dof];
+            let mut at = self.parent[dof];
+            for l in self.row(dof) {
+                let Some(i) = at else { break };
+                x[i] -= l * value;
+                at = self.parent[i];
+            }
+        }
+    }
+
     /// `x <- L^-1 D^-1 x`.
     pub fn backward(&self, x: &mut [f64]) {
         for dof in 0..self.parent.len() {
@@ -153,6 +166,9 @@ mod tests {
         factor.forward(&mut columns, 4);
         for (column, scale) in [(0, 0.0), (1, 1.0), (2, -2.0)] {
             let mut x: Vec<f64> = columns.iter().skip(column).step_by(4).copied().collect();
+            let mut one: Vec<f64> = b.iter().map(|b| scale * b).collect();
+            factor.forward_one(&mut one);
+            assert!(one.iter().zip(&x).all(|(one, x)| (one - x).abs() < 1e-14));
             factor.backward(&mut x);
             let product = dense(&factor) * nalgebra::DVector::from_vec(x);
             assert!(product.iter().zip(&b).all(|(p, b)| (p - scale * b).abs() < 1e-12));

@@ -85,6 +85,12 @@ impl Clearance {
         Ok(self.blocked.is_none())
     }
 
+    /// From the next call on distances are measured again once less than `slack` may be left of them \[m\], so that
+    /// [`slack`](Self::slack) says no less where it need not.
+    pub fn want(&mut self, slack: f64) {
+        self.ledger.want(slack);
+    }
+
     /// After a "yes": how far any two bodies may still move towards each other before it has to be asked for again \[m\].
     pub fn slack(&self) -> f64 {
         self.ledger.slack()

@@ -26,6 +26,8 @@ pub(super) struct Ledger {
     accounts_outside: Accounts,
     accounts_across: Accounts,
     accounts_inside: Accounts,
+    /// Groups are looked at again once less than this is left of their slack, m.
+    wanted: f64,
     /// Nothing is known: it is the first call, or a pose was not a number.
     stale: bool,
 }
@@ -121,8 +123,14 @@ impl Ledger {
                 way: 0.0,
                 travel: 0.0,
             }),
+            wanted: 0.0,
             stale: true,
         }
+    }
+
+    /// See [`slack`](Self::slack): it is to be more than `wanted`, as far as it is so \[m\].
+    pub fn want(&mut self, wanted: f64) {
+        self.wanted = wanted;
     }
 
     /// Adds what has moved since the last call. The first group that may have a contact now; an error if a pose is not
@@ -144,8 +152,8 @@ impl Ledger {
         ];
         let mut counted = false;
         for (accounts, travel, carried) in kinds {
-            if self.stale || travel >= accounts.far_until {
-                accounts.count(sim, proximity, &self.ways, carried, travel, self.stale);
+            if self.stale || travel + self.wanted >= accounts.far_until {
+                accounts.count(sim, proximity, &self.ways, (carried, self.wanted), travel, self.stale);
                 counted = true;
             }
         }
@@ -153,9 +161,10 @@ impl Ledger {
         if let (true, Some(hand)) = (counted, &mut self.hand) {
             hand.measure(sim);
         }
-        let blocked = self.accounts_outside.first_blocked(sim, proximity, &self.ways, 0.0);
-        let blocked = blocked.or_else(|| self.accounts_across.first_blocked(sim, proximity, &self.ways, carried));
-        Ok(blocked.or_else(|| self.accounts_inside.first_blocked(sim, proximity, &self.ways, 0.0)))
+        let (ways, wanted) = (&self.ways, self.wanted);
+        let blocked = self.accounts_outside.first_blocked(sim, proximity, ways, (0.0, wanted));
+        let blocked = blocked.or_else(|| self.accounts_across.first_blocked(sim, proximity, ways, (carried, wanted)));
+        Ok(blocked.or_else(|| self.accounts_inside.first_blocked(sim, proximity, ways, (0.0, wanted))))
     }
 
     /// What is left for two bodies to move towards each other before any group may have a contact \[m\].
@@ -254,7 +263,7 @@ impl Accounts {
         sim: &Simulation,
         proximity: &mut Proximity,
         ways: &[f64],
-        carried: f64,
+        (carried, wanted): (f64, f64),
         travel: f64,
         stale: bool,
     ) {
@@ -264,7 +273,7 @@ impl Accounts {
             let account = &mut self.all[i];
             let used = account.used(ways) + carried;
             let mut slack = account.until - used;
-            if stale || slack <= 0.0 {
+            if stale || slack <= wanted {
                 slack = proximity.look(sim, account.group as usize);
                 account.until = used + slack;
             }
@@ -290,11 +299,11 @@ impl Accounts {
         sim: &Simulation,
         proximity: &mut Proximity,
         ways: &[f64],
-        carried: f64,
+        (carried, wanted): (f64, f64),
     ) -> Option<usize> {
         for account in &mut self.all[..self.near] {
             let used = account.used(ways) + carried;
-            if used >= account.until {
+            if used + wanted >= account.until {
                 let slack = proximity.look(sim, account.group as usize);
                 account.until = used + slack;
                 if !(slack > 0.0) {

@@ -51,7 +51,7 @@ fn the_clutch_is_as_the_engines_own_solver_has_it() {
         runner.advance_to(plan.timeline.measure_from()).expect("a hold");
         let (mut sim, grasps) = runner.into_parts();
         sim.set_noslip_iterations(0).expect("a number");
-        follows_the_engine(&sim, &grasps, Vector3::new(0.0, -3.0, -1.0), 150);
+        follows_the_engine(&sim, &grasps, Vector3::new(0.0, -1.5, -0.5), 150);
     }
 }
 
