@@ -1,0 +1,90 @@
+//! What can differ from grasp to grasp, by name.
+
+use crate::mujoco::{BodyId, JointKind, Simulation};
+use crate::scenario::actuator;
+use crate::scenario::plan::Plan;
+
+const KNOWN: &str = "joint:NAME, control:NAME, pose:BODY:x (y, z, qw, qx, qy, qz), friction or strength";
+
+/// Where a value goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Parameter {
+    /// An entry of `qpos`.
+    Position(usize),
+    /// An entry of the starting `ctrl`.
+    Control(usize),
+    /// An entry of `mocap_pos`.
+    MocapPosition(usize),
+    /// An entry of `mocap_quat`.
+    MocapQuaternion(usize),
+    /// Factor on all friction coefficients of the hand's and the target's geoms.
+    Friction,
+    /// How hard the hand presses, see [`Press`](crate::scenario::press::Press).
+    Strength,
+}
+
+impl Parameter {
+    /// The parameter that `name` means on the scenario's model.
+    ///
+    /// # Errors
+    /// What is wrong with the name, and what would be right.
+    pub fn named(plan: &Plan, name: &str) -> Result<Self, String> {
+        let model = &plan.model;
+        let unknown = |e: crate::mujoco::Error| format!("is unknown: {e}");
+        match name.split_once(':') {
+            None if name == "friction" => Ok(Self::Friction),
+            None if name == "strength" => Ok(Self::Strength),
+            Some(("joint", joint)) => {
+                let id = model.joint(joint).map_err(unknown)?;
+                match model.joint_kind(id) {
+                    Some(JointKind::Hinge | JointKind::Slide) => {
+                        Ok(Self::Position(model.jnt_qposadr()[id.index()] as usize))
+                    }
+                    _ => Err(format!(
+                        "is no single number: \"{joint}\" is a ball or free joint; give pose:BODY:x and so on"
+                    )),
+                }
+            }
+            Some(("control", actuator)) => {
+                Ok(Self::Control(actuator::named(model, actuator).map_err(unknown)?.index()))
+            }
+            Some(("pose", pose)) => {
+                let components = ["x", "y", "z", "qw", "qx", "qy", "qz"];
+                let parts = pose.rsplit_once(':');
+                let Some((body, k)) =
+                    parts.and_then(|(body, c)| Some((body, components.iter().position(|known| *known == c)?)))
+                else {
+                    return Err("names no component of a pose; give pose:BODY:x, y, z, qw, qx, qy or qz".into());
+                };
+                component(plan, model.body(body).map_err(unknown)?, k)
+                    .ok_or_else(|| format!("cannot be set: \"{body}\" has no free joint and is no mocap body"))
+            }
+            _ => Err(format!("is no parameter; those are {KNOWN}")),
+        }
+    }
+
+    /// Puts a value in its place, at the start of a scenario. [`Strength`](Self::Strength) has none.
+    pub fn set(self, sim: &mut Simulation, geoms: &[usize], value: f64) {
+        match self {
+            Self::Position(i) => sim.qpos_mut()[i] = value,
+            Self::Control(i) => sim.ctrl_mut()[i] = value,
+            Self::MocapPosition(i) => sim.mocap_pos_mut()[i] = value,
+            Self::MocapQuaternion(i) => sim.mocap_quat_mut()[i] = value,
+            Self::Friction => {
+                for &geom in geoms {
+                    sim.geom_friction_mut()[3 * geom..3 * geom + 3].iter_mut().for_each(|x| *x *= value);
+                }
+            }
+            Self::Strength => {}
+        }
+    }
+}
+
+/// Component `k` of the pose of a body that floats or that mocap moves.
+fn component(plan: &Plan, body: BodyId, k: usize) -> Option<Parameter> {
+    if let Some(joint) = plan.model.free_joint_of(body) {
+        return Some(Parameter::Position(plan.model.jnt_qposadr()[joint.index()] as usize + k));
+    }
+    let mocap = usize::try_from(plan.model.body_mocapid()[body.index()]).ok()?;
+    Some(if k < 3 { Parameter::MocapPosition(3 * mocap + k) } else { Parameter::MocapQuaternion(4 * mocap + k - 3) })
+}
