@@ -88,3 +88,80 @@ fn component(plan: &Plan, body: BodyId, k: usize) -> Option<Parameter> {
     let mocap = usize::try_from(plan.model.body_mocapid()[body.index()]).ok()?;
     Some(if k < 3 { Parameter::MocapPosition(3 * mocap + k) } else { Parameter::MocapQuaternion(4 * mocap + k - 3) })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::mujoco::Model;
+    use crate::scenario::file::ScenarioFile;
+
+    const MODEL: &str = r#"<mujoco>
+      <worldbody>
+        <body name="mocap" mocap="true"><geom size="0.01" contype="0" conaffinity="0"/></body>
+        <body name="palm" pos="0 0 1">
+          <joint name="turn"/>
+          <geom size="0.02" friction="0.8 0.1 0.01"/>
+          <body name="finger" pos="0 0.1 0"><joint name="slide" type="slide"/><geom size="0.02"/></body>
+        </body>
+        <body name="ball"><freejoint name="free"/><geom size="0.02" friction="0.6 0.2 0.02"/></body>
+        <geom name="floor" type="plane" size="1 1 0.1" pos="0 0 -1"/>
+      </worldbody>
+      <actuator><position name="press" joint="slide"/></actuator>
+    </mujoco>"#;
+    const SCENARIO: &str =
+        "name = \"s\"\nmodel = \"m\"\n[timeline]\nduration = 1.0\n[[grasp]]\ntarget = \"ball\"\npalm = \"palm\"";
+
+    fn plan() -> Plan {
+        let path = Path::new("s.toml");
+        Plan::new(&ScenarioFile::parse(SCENARIO, path).unwrap(), path, Model::from_xml_string(MODEL).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn each_name_has_its_place() {
+        let plan = plan();
+        let mut sim = Simulation::new(&plan.model).unwrap();
+        let before = sim.geom_friction().to_vec();
+        // mocap, palm, finger, ball, floor: those of hand and target
+        let geoms = [1, 2, 3];
+        for (name, value) in [
+            ("joint:turn", 0.1),
+            ("joint:slide", 0.2),
+            ("control:press", 0.3),
+            ("pose:ball:y", 0.4),
+            ("pose:ball:qz", 0.5),
+            ("pose:mocap:z", 0.6),
+            ("pose:mocap:qx", 0.7),
+            ("friction", 2.0),
+        ] {
+            Parameter::named(&plan, name).unwrap().set(&mut sim, &geoms, value);
+        }
+        assert_eq!(sim.qpos(), [0.1, 0.2, 0.0, 0.4, 0.0, 1.0, 0.0, 0.0, 0.5]);
+        assert_eq!(sim.ctrl(), [0.3]);
+        assert_eq!((sim.mocap_pos(), sim.mocap_quat()), (&[0.0, 0.0, 0.6][..], &[1.0, 0.7, 0.0, 0.0][..]));
+        let world = plan.model.geom_bodyid().iter().position(|body| *body == 0).unwrap();
+        for (geom, (new, old)) in sim.geom_friction().chunks(3).zip(before.chunks(3)).enumerate() {
+            let expected = if geoms.contains(&geom) { 2.0 } else { 1.0 };
+            assert!(new.iter().zip(old).all(|(new, old)| *new == expected * old), "geom {geom}");
+        }
+        assert!(!geoms.contains(&world), "{world}");
+    }
+
+    #[test]
+    fn a_wrong_name_is_told_what_would_be_right() {
+        let plan = plan();
+        for (name, problem) in [
+            ("joint:tern", "turn"),
+            ("joint:free", "pose:BODY:x"),
+            ("control:pres", "press"),
+            ("pose:ball:w", "qw"),
+            ("pose:finger:x", "no free joint"),
+            ("frictoin", "friction or strength"),
+            ("mass:ball", "is no parameter"),
+        ] {
+            let said = Parameter::named(&plan, name).unwrap_err();
+            assert!(said.contains(problem), "{name}: {said}");
+        }
+    }
+}

@@ -236,7 +236,8 @@ impl<'a> Trial<'a> {
                 (c.link_id, on_link, held.inverse_transform_point(&at))
             })
             .collect();
-        trial.row.normal_force_n = Some(trial.grasp().contacts().iter().map(|c| c.normal_force()).sum());
+        let forces = trial.grasp().contacts().iter().map(|c| c.normal_force());
+        trial.row.normal_force_n = Some(forces.fold(0.0, |sum, force| sum + force));
         Ok(trial)
     }
 
