@@ -45,7 +45,8 @@ fn rows(out: &Path) -> Rows {
             let file = std::fs::File::open(out.join(name)).unwrap();
             let reader = SerializedFileReader::new(file).unwrap();
             let rows = reader.get_row_iter(None).unwrap().map(|row| row.unwrap());
-            rows.map(|row| row.get_column_iter().map(|(name, value)| (name.clone(), value.clone())).collect()).collect::<Rows>()
+            rows.map(|row| row.get_column_iter().map(|(name, value)| (name.clone(), value.clone())).collect())
+                .collect::<Rows>()
         })
         .collect()
 }
@@ -54,7 +55,9 @@ fn rows(out: &Path) -> Rows {
 fn files(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(out).into_iter().flatten().map(|entry| entry.unwrap().path());
     let finished = entries.filter(|path| path.extension().is_some_and(|e| e == "parquet"));
-    finished.map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read(path).unwrap())).collect()
+    finished
+        .map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read(path).unwrap()))
+        .collect()
 }
 
 fn run(spec: &Path, mode: Mode, out: &Path) -> Report {
@@ -92,7 +95,9 @@ fn both_modes_give_the_same_verdicts_and_grasp_mode_is_latched() {
     assert!(alike >= 29, "{alike} of 30 verdicts alike: {:?} {:?}", full.0.verdicts, grasp.0.verdicts);
     assert!(grasp.0.latched_share.p10.unwrap() > 0.95, "{:?}", grasp.0.latched_share);
     assert_eq!(full.0.latched_share.median, None);
-    for (full, grasp) in full.1.iter().zip(&grasp.1).filter(|(a, b)| text(a, "verdict") == "held" && a["verdict"] == b["verdict"]) {
+    for (full, grasp) in
+        full.1.iter().zip(&grasp.1).filter(|(a, b)| text(a, "verdict") == "held" && a["verdict"] == b["verdict"])
+    {
         let id = text(full, "id");
         assert!(number(grasp, "substructured_share") > 0.5, "{id}: a shake makes every step a whole one");
         assert!(number(grasp, "quality_at_latch_n") > 0.0 && number(grasp, "latched_at_s") < 1.2, "{id}");

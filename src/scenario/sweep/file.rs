@@ -20,6 +20,9 @@ pub struct SweepFile {
     /// What random parameters are drawn with, together with the grasp's id.
     #[serde(default)]
     pub seed: u64,
+    /// Iterations of MuJoCo's noslip solver, all of them made, in both modes; left out: the model's.
+    #[serde(default)]
+    pub noslip: Option<usize>,
     /// Rows of one file of results.
     #[serde(default = "grasps_per_file")]
     pub grasps_per_file: usize,
@@ -122,6 +125,9 @@ impl SweepFile {
         let at = |field: &str| Field::new(path, field);
         file_name(at("name"), &self.name)?;
         non_negative(at("rest"), self.rest)?;
+        if let Some(noslip) = self.noslip.filter(|&noslip| noslip > 1000) {
+            return Err(at("noslip").wrong(format!("is {noslip}; it must be from 0 to 1000")));
+        }
         if self.grasps_per_file == 0 {
             return Err(at("grasps_per_file").wrong("is 0; a file needs at least one row"));
         }

@@ -122,7 +122,7 @@ mod tests {
     fn each_name_has_its_place() {
         let plan = plan();
         let mut sim = Simulation::new(&plan.model).unwrap();
-        let before = sim.geom_friction().to_vec();
+        let before = plan.model.geom_friction().to_vec();
         // mocap, palm, finger, ball, floor: those of hand and target
         let geoms = [1, 2, 3];
         for (name, value) in [
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(sim.ctrl(), [0.3]);
         assert_eq!((sim.mocap_pos(), sim.mocap_quat()), (&[0.0, 0.0, 0.6][..], &[1.0, 0.7, 0.0, 0.0][..]));
         let world = plan.model.geom_bodyid().iter().position(|body| *body == 0).unwrap();
-        for (geom, (new, old)) in sim.geom_friction().chunks(3).zip(before.chunks(3)).enumerate() {
+        for (geom, (new, old)) in sim.model().geom_friction().chunks(3).zip(before.chunks(3)).enumerate() {
             let expected = if geoms.contains(&geom) { 2.0 } else { 1.0 };
             assert!(new.iter().zip(old).all(|(new, old)| *new == expected * old), "geom {geom}");
         }

@@ -9,6 +9,7 @@ use crate::scenario::error::Error;
 use crate::scenario::outcome::{LOSS_DISTANCE, Outcome, classify};
 use crate::scenario::plan::Plan;
 use crate::scenario::press::Press;
+use crate::scenario::run::Options;
 use crate::scenario::runner::{Mode, Runner};
 use crate::scenario::tracker::pose;
 
@@ -150,6 +151,7 @@ fn close(sweep: &Sweep, case: &Case, mode: Mode, row: &mut Row) -> Result<(Simul
     let geoms = geoms(&plan)?;
     let mut runner =
         Runner::starting(&plan, mode, |sim| given().for_each(|(parameter, value)| parameter.set(sim, &geoms, value)))?;
+    Options { noslip: sweep.spec.noslip }.set_noslip(runner.sim_mut())?;
     let end = plan.timeline.measure_from() + 0.5 * plan.model.timestep();
     while runner.time() < end {
         let sample = runner.step()?;
