@@ -5,7 +5,8 @@ import typing
 
 import ray
 
-from .sweeps import SweepReport, sweep as _sweep
+from .sweeps import SweepReport
+from .sweeps import sweep as _sweep
 
 
 def sweep(
