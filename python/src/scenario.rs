@@ -46,6 +46,10 @@ fn load(
     }
 }
 
+fn stop_of_plan(plan: &Plan) -> &Stop {
+    &plan.stop
+}
+
 fn json(report: &impl Serialize) -> String {
     // Numbers that are none are null, and keys are texts: nothing can fail.
     serde_json::to_string(report).unwrap_or_default()
@@ -127,7 +131,7 @@ pub fn run_json(
     let limits = limits.map(spec::limits).transpose()?;
     let options = Options { noslip: noslip.map(usize::from) };
     let loaded = || load(scenario, limits, frozen_tolerance, duration);
-    detached(py, loaded, |plan| &plan.stop, |plan| {
+    detached(py, loaded, stop_of_plan, |plan| {
         let pushes = plan.select_pushes(push)?;
         let write = |run: &Run| out.as_ref().map_or(Ok(()), |out| run.write_csv(out).map(drop));
         let observer = Observer { steps: &|_| (), finished: &write };
@@ -162,7 +166,7 @@ pub fn bench_json(
     }
     let limits = limits.map(spec::limits).transpose()?;
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, |plan| &plan.stop, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
+    detached(py, loaded, stop_of_plan, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
 }
 
 #[pyfunction]
@@ -182,7 +186,7 @@ pub fn agree_json(
     let limits = limits.map(spec::limits).transpose()?;
     let options = Options { noslip: noslip.map(usize::from) };
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, |plan| &plan.stop, |plan| {
+    detached(py, loaded, stop_of_plan, |plan| {
         let ground = Ground::new(plan, options)?;
         let onsets = ground.onsets(&|| ());
         plan.stop.check()?;
