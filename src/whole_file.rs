@@ -25,6 +25,7 @@ pub(crate) fn write_whole(
     write(&mut buffer)?;
     buffer.flush()?;
     drop(buffer);
+    file.as_file().sync_all()?;
     file.persist(path).map_err(|e| without_path(e.error))?;
     Ok(())
 }

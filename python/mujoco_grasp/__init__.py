@@ -29,6 +29,7 @@ weld_xml = _core.weld_xml
 
 from .errors import *  # noqa: E402, F403
 from .scenario import agree, bench, run, scenarios  # noqa: E402
+from .sweeps import sweep  # noqa: E402
 
 __all__ = [
     "Batch",
@@ -44,6 +45,7 @@ __all__ = [
     "run",
     "scenarios",
     "served_versions",
+    "sweep",
     "weld_xml",
     *errors.__all__,
 ]

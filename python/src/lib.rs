@@ -32,7 +32,7 @@ mod _core {
     #[pymodule_export]
     use crate::quality::QualityReport;
     #[pymodule_export]
-    use crate::scenario::{agree_json, bench_json, run_json, scenarios_json};
+    use crate::scenario::{agree_json, bench_json, run_json, scenarios_json, sweep_json};
     #[pymodule_export]
     use crate::spec::weld_xml;
     #[pymodule_export]

@@ -10,6 +10,8 @@ use mujoco_grasp::scenario::bench::bench;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::Mode;
+use mujoco_grasp::scenario::stop::Stop;
+use mujoco_grasp::scenario::sweep::{self, Shard, Sweep};
 use mujoco_grasp::scenario::{Error, source};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -44,24 +46,29 @@ fn load(
     }
 }
 
+fn stop_of_plan(plan: &Plan) -> &Stop {
+    &plan.stop
+}
+
 fn json(report: &impl Serialize) -> String {
     // Numbers that are none are null, and keys are texts: nothing can fail.
     serde_json::to_string(report).unwrap_or_default()
 }
 
 /// Runs `work` on a thread of its own, which has the engine's handlers for itself, and sees to Python's signals meanwhile.
-fn detached(
+fn detached<T>(
     py: Python<'_>,
-    load: impl FnOnce() -> Result<Plan, Error> + Send,
-    work: impl FnOnce(&Plan) -> Result<String, Error> + Send,
+    load: impl FnOnce() -> Result<T, Error> + Send,
+    stop_of: fn(&T) -> &Stop,
+    work: impl FnOnce(&T) -> Result<String, Error> + Send,
 ) -> PyResult<String> {
-    let (hand_over, plan) = sync_channel(1);
+    let (hand_over, loaded) = sync_channel(1);
     let (done, mut result) = sync_channel(1);
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            let made = load().and_then(|plan| {
-                let _ = hand_over.send(plan.stop.clone());
-                work(&plan)
+            let made = load().and_then(|loaded| {
+                let _ = hand_over.send(stop_of(&loaded).clone());
+                work(&loaded)
             });
             let _ = done.send(made);
         });
@@ -70,7 +77,7 @@ fn detached(
         loop {
             let waited;
             (waited, result) = py.detach(move || (result.recv_timeout(POLL), result));
-            stop = stop.or_else(|| plan.try_recv().ok());
+            stop = stop.or_else(|| loaded.try_recv().ok());
             match waited {
                 Ok(_) if signalled.is_err() => return signalled.map(|()| String::new()),
                 Ok(made) => return made.map_err(of_scenario),
@@ -124,7 +131,7 @@ pub fn run_json(
     let limits = limits.map(spec::limits).transpose()?;
     let options = Options { noslip: noslip.map(usize::from) };
     let loaded = || load(scenario, limits, frozen_tolerance, duration);
-    detached(py, loaded, |plan| {
+    detached(py, loaded, stop_of_plan, |plan| {
         let pushes = plan.select_pushes(push)?;
         let write = |run: &Run| out.as_ref().map_or(Ok(()), |out| run.write_csv(out).map(drop));
         let observer = Observer { steps: &|_| (), finished: &write };
@@ -159,7 +166,7 @@ pub fn bench_json(
     }
     let limits = limits.map(spec::limits).transpose()?;
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
+    detached(py, loaded, stop_of_plan, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
 }
 
 #[pyfunction]
@@ -179,7 +186,7 @@ pub fn agree_json(
     let limits = limits.map(spec::limits).transpose()?;
     let options = Options { noslip: noslip.map(usize::from) };
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, |plan| {
+    detached(py, loaded, stop_of_plan, |plan| {
         let ground = Ground::new(plan, options)?;
         let onsets = ground.onsets(&|| ());
         plan.stop.check()?;
@@ -187,4 +194,17 @@ pub fn agree_json(
         plan.stop.check()?;
         Ok(json(&Agreement::of(&ground, seed, &onsets, &trials, None)))
     })
+}
+
+#[pyfunction]
+#[pyo3(signature = (spec, out, shard, mode))]
+pub fn sweep_json(py: Python<'_>, spec: PathBuf, out: PathBuf, shard: Option<&str>, mode: &str) -> PyResult<String> {
+    let mode = match mode {
+        "full" => Mode::Full,
+        "grasp" => Mode::Grasp,
+        other => return Err(ScenarioError::new_err(format!("mode is {other:?}; it must be \"full\" or \"grasp\""))),
+    };
+    let shard = shard.map_or(Ok(Shard::ALL), str::parse).map_err(of_scenario)?;
+    let loaded = || Sweep::load(&spec);
+    detached(py, loaded, |sweep| &sweep.plan.stop, |sweep| Ok(json(&sweep::run(sweep, mode, shard, &out, &|_| ())?)))
 }

@@ -166,7 +166,11 @@ impl Simulation {
         for value in gravity.iter() {
             check_value("gravity", *value, "finite", |_| true)?;
         }
-        self.options_mut().gravity = gravity.into();
+        // read anew in every step, like a force
+        self.note_input();
+        let (model, _) = self.pointers();
+        // SAFETY: valid for as long as `self`, and exclusive.
+        unsafe { (*model).opt.gravity = gravity.into() };
         Ok(())
     }
 

@@ -24,7 +24,23 @@ pub enum Error {
         /// Why.
         source: std::io::Error,
     },
-    /// The text is no scenario.
+    /// The spec of a sweep cannot be read.
+    #[error("{}: cannot be read: {source}; give the path of a sweep's spec", file.display())]
+    Spec {
+        /// The spec.
+        file: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file of results is there and not of this sweep.
+    #[error("{}: {problem}; give another folder, or remove it", file.display())]
+    Part {
+        /// The file.
+        file: PathBuf,
+        /// What it is.
+        problem: String,
+    },
+    /// The text is no scenario, or no spec.
     #[error("{}: {source}", file.display())]
     Parse {
         /// The scenario file.
@@ -115,6 +131,8 @@ impl Error {
         match self {
             Self::Unknown { .. }
             | Self::Read { .. }
+            | Self::Spec { .. }
+            | Self::Part { .. }
             | Self::Parse { .. }
             | Self::Field { .. }
             | Self::Model { .. }

@@ -401,11 +401,11 @@ impl PushEntry {
     }
 }
 
-fn finite(field: Field, value: f64) -> Result<(), Error> {
+pub(super) fn finite(field: Field, value: f64) -> Result<(), Error> {
     if value.is_finite() { Ok(()) } else { Err(field.wrong(format!("is {value}; it must be a finite number"))) }
 }
 
-fn positive(field: Field, value: f64) -> Result<(), Error> {
+pub(super) fn positive(field: Field, value: f64) -> Result<(), Error> {
     if value.is_finite() && value > 0.0 {
         Ok(())
     } else {
@@ -413,7 +413,7 @@ fn positive(field: Field, value: f64) -> Result<(), Error> {
     }
 }
 
-fn non_negative(field: Field, value: f64) -> Result<(), Error> {
+pub(super) fn non_negative(field: Field, value: f64) -> Result<(), Error> {
     if value.is_finite() && value >= 0.0 {
         Ok(())
     } else {
@@ -422,7 +422,7 @@ fn non_negative(field: Field, value: f64) -> Result<(), Error> {
 }
 
 /// Names of scenarios and pushes become names of folders and files.
-fn file_name(field: Field, name: &str) -> Result<(), Error> {
+pub(super) fn file_name(field: Field, name: &str) -> Result<(), Error> {
     let bad = |c: char| c == '/' || c == '\\' || c.is_control();
     if name.trim().is_empty() || name == "." || name == ".." || name.contains(bad) {
         return Err(field.wrong(format!("is {name:?}; it names files, so it must not be empty and hold no / or \\")));

@@ -29,6 +29,8 @@ pub mod runner;
 pub mod source;
 pub mod start;
 pub mod stop;
+#[cfg(feature = "sweep")]
+pub mod sweep;
 pub mod tally;
 pub mod tracker;
 pub mod trajectory;

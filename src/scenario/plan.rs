@@ -95,7 +95,14 @@ impl Plan {
     /// # Errors
     /// Any [`Error`] that is bad input.
     pub fn load_with(scenario: &str, limits: Option<Limits>) -> Result<Self, Error> {
-        let source = Source::find(scenario)?;
+        Self::of_source(&Source::find(scenario)?, limits)
+    }
+
+    /// As [`load_with`](Self::load_with), of a scenario that is found.
+    ///
+    /// # Errors
+    /// Any [`Error`] that is bad input.
+    pub fn of_source(source: &Source, limits: Option<Limits>) -> Result<Self, Error> {
         let mut file = ScenarioFile::parse(&source.text, &source.path)?;
         for grasp in &mut file.grasp {
             grasp.limits = limits.or(grasp.limits);

@@ -71,12 +71,30 @@ impl Runner {
     /// A grasp or fingertip goals that do not fit the model, a time step that makes no step, a run that is too long to be
     /// recorded.
     pub fn new(plan: &Plan, mode: Mode, push: Option<&Push>) -> Result<Self, Error> {
+        Self::set_up(plan, mode, push, |_| ())
+    }
+
+    /// Without a push, from the scenario's start as `change` leaves it.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn starting(plan: &Plan, mode: Mode, change: impl FnOnce(&mut Simulation)) -> Result<Self, Error> {
+        Self::set_up(plan, mode, None, change)
+    }
+
+    fn set_up(
+        plan: &Plan,
+        mode: Mode,
+        push: Option<&Push>,
+        change: impl FnOnce(&mut Simulation),
+    ) -> Result<Self, Error> {
         plan.stop.check()?;
         plan.check_timestep()?;
         let mut sim = Simulation::new(&plan.model)?;
         if let Some(key) = plan.keyframe {
             sim.reset_to_keyframe(key)?;
         }
+        change(&mut sim);
         // Poses and weights for the first step; the solver is not touched.
         sim.kinematics()?;
         sim.inertia()?;

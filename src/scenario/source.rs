@@ -49,15 +49,23 @@ impl Source {
     /// # Errors
     /// [`Error::Unknown`], [`Error::Read`].
     pub fn find(scenario: &str) -> Result<Self, Error> {
+        Self::find_in(Path::new(""), scenario)
+    }
+
+    /// As [`find`](Self::find), with paths relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`find`](Self::find).
+    pub fn find_in(folder: &Path, scenario: &str) -> Result<Self, Error> {
         if let Some(builtin) = builtin::ALL.iter().find(|b| b.name == scenario) {
             return Ok(Self { path: builtin.path.into(), text: builtin.toml.into(), builtin: Some(builtin) });
         }
-        let path = PathBuf::from(scenario);
+        let path = folder.join(scenario);
         match std::fs::read_to_string(&path) {
             Ok(text) => Ok(Self { path, text: text.into(), builtin: None }),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 let known: Vec<&str> = builtin::ALL.iter().map(|b| b.name).collect();
-                Err(Error::Unknown { name: scenario.to_owned(), known: known.join(", ") })
+                Err(Error::Unknown { name: path.display().to_string(), known: known.join(", ") })
             }
             Err(source) => Err(Error::Read { file: path, source }),
         }

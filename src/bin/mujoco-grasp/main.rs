@@ -14,6 +14,7 @@ mod run;
 mod scatters;
 mod signals;
 mod summary;
+mod sweep;
 mod warnings;
 
 use std::process::ExitCode;
@@ -54,6 +55,8 @@ enum Command {
     Calibrate(calibrate::Args),
     /// Grasp quality when measuring starts.
     Quality(quality::Args),
+    /// Many grasps, shaken and pushed: which survive?
+    Sweep(sweep::Args),
 }
 
 /// A model that takes longer than this to load hangs.
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         Command::Agree(args) => agree::agree(args, output),
         Command::Calibrate(args) => calibrate::calibrate(args, output),
         Command::Quality(args) => quality::quality(args, output),
+        Command::Sweep(args) => sweep::sweep(args, output),
     };
     result.unwrap_or_else(|error| output.fail(&error))
 }
