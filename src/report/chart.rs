@@ -33,14 +33,16 @@ pub struct Tier {
 /// ```
 /// use mujoco_grasp::report::{Series, TimeChart};
 /// let full = Series { label: "full".into(), points: vec![(0.0, 0.0), (0.5, 1.2), (1.0, 0.1)] };
-/// let chart = TimeChart { y_label: "distance moved [mm]".into(), series: vec![full], ..TimeChart::default() };
-/// assert!(chart.svg()?.contains("distance moved [mm]"));
+/// let chart = TimeChart { y_label: "moved [mm]".into(), series: vec![full], ..TimeChart::default() };
+/// assert!(chart.svg()?.contains("moved [mm]"));
 /// assert_eq!(chart.in_words(), "full: from 0 at 0 s to 1.2 at 0.5 s, in the end 0.1");
 /// # Ok::<(), mujoco_grasp::report::ReportError>(())
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct TimeChart {
-    /// The quantity, with unit.
+    /// What a page names it by, with unit; without one, the axis's label.
+    pub title: String,
+    /// The axis's label, with unit; short, for it stands upright.
     pub y_label: String,
     /// The modes, full first.
     pub series: Vec<Series>,
@@ -61,17 +63,22 @@ pub struct TimeChart {
 }
 
 const FIGURE: &str = "time chart";
-const SIZE: (u32, u32) = (460, 250);
+const SIZE: (u32, u32) = (380, 230);
 /// Pixel columns in which curves are thinned.
 const COLUMNS: usize = 300;
-const LATCHED: RGBColor = RGBColor(238, 238, 238);
-const MERGED: RGBColor = RGBColor(214, 214, 214);
+const LATCHED: RGBColor = RGBColor(242, 242, 242);
+const MERGED: RGBColor = RGBColor(224, 224, 224);
 /// Height of the push's bar, as a part of the panel's.
 const BAR: f64 = 0.035;
 
 impl TimeChart {
     /// Where a page's script draws the time that is looked at: left, right, top and bottom of the axes in the SVG's units.
-    pub const AXES: [f64; 4] = [80.0, 444.0, 8.0, 210.0];
+    pub const AXES: [f64; 4] = [80.0, 364.0, 8.0, 190.0];
+
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        if self.title.is_empty() { &self.y_label } else { &self.title }
+    }
 
     /// The chart as an SVG document.
     ///

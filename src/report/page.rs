@@ -67,10 +67,9 @@ impl Page {
         Self { title, lead, sections: Vec::new(), body: String::new(), frames: Vec::new(), charts: 0 }
     }
 
-    /// Adds a picture as JPEG for films and stills, and returns its number.
-    pub fn frame(&mut self, jpeg: &[u8]) -> usize {
-        self.frames.push(base64(jpeg));
-        self.frames.len() - 1
+    /// Adds pictures, as JPEG, for films and stills, which know them by their numbers: from 0 in this order.
+    pub fn frames(&mut self, jpegs: &[Vec<u8>]) {
+        self.frames.extend(jpegs.iter().map(|jpeg| base64(jpeg)));
     }
 
     /// Begins a section, which the contents at the top name.
@@ -185,12 +184,12 @@ impl Page {
                 "<line class=\"now\" visibility=\"hidden\" y1=\"{top}\" y2=\"{bottom}\" data-from=\"{start}\" \
                  data-to=\"{end}\" data-left=\"{left}\" data-right=\"{right}\"/>"
             );
-            let title = format!("{about}: {}", chart.y_label);
+            let title = format!("{about}: {}", chart.name());
             self.drawing(&svg, &title, &chart.in_words(), &now);
             let _ = writeln!(
                 self.body,
                 "<figcaption>{}; numbers: <a href=\"#{}\">{}</a></figcaption></figure>",
-                escaped(&chart.y_label),
+                escaped(chart.name()),
                 anchor(numbers),
                 escaped(numbers)
             );

@@ -7,7 +7,7 @@ use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::Run;
 
 /// Length of the arrow that shows a push, whatever its size \[m\].
-const ARROW: f64 = 0.07;
+const ARROW: f64 = 0.16;
 const ARROW_COLOUR: [f32; 4] = [1.0, 0.75, 0.0, 1.0];
 
 /// A renderer with a simulation to pose.
@@ -42,10 +42,12 @@ impl Artist {
     /// The scene in this pose, with an arrow for a push that is on.
     pub fn frame(&mut self, qpos: &[f64], camera: Camera, push: Option<&Push>) -> anyhow::Result<RgbImage> {
         self.pose(qpos)?;
-        let mut drawing = Drawing { hide_sites: false, ..Drawing::default() };
+        // Fingertips and their goals are of no interest here, and would be seen floating.
+        let mut drawing = Drawing { hide_sites: true, ..Drawing::default() };
         if let Some(push) = push.filter(|p| p.force.norm() > 0.0) {
-            let at = self.sim.body_com(push.body);
-            drawing.arrows.push(Arrow::to_point(at, push.force, ARROW / push.force.norm(), ARROW_COLOUR));
+            // Through the middle: one of its ends is seen from wherever it is looked at.
+            let tip = self.sim.body_com(push.body) + 0.5 * ARROW * push.force.normalize();
+            drawing.arrows.push(Arrow::to_point(tip, push.force, ARROW / push.force.norm(), ARROW_COLOUR));
         }
         Ok(self.renderer.draw(&self.sim, camera, &drawing)?)
     }

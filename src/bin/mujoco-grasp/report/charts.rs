@@ -158,7 +158,12 @@ impl<'a> Told<'a> {
         let all = self.series(|t, i| t.normal_forces(i).iter().sum());
         let released_by_force = facts.limits == Limits::Cones;
         let mut charts = vec![
-            TimeChart { levels, least_span: 0.01, ..self.chart("quality Q [N], Q_Th, Q_M", quality) },
+            TimeChart {
+                title: "quality Q, with Q_Th and Q_M [N]".into(),
+                levels,
+                least_span: 0.01,
+                ..self.chart("quality Q [N]", quality)
+            },
             TimeChart {
                 levels: if released_by_force { vec![facts.release_quality] } else { Vec::new() },
                 least_span: 0.1,
@@ -173,7 +178,8 @@ impl<'a> Told<'a> {
             };
             let series = self.series(of_finger);
             if series.iter().flat_map(|s| &s.points).any(|p| p.1 > 0.0) {
-                charts.push(TimeChart { least_span: 0.1, ..self.chart(format!("{label} [N]"), series) });
+                let title = format!("{label}: normal force [N]");
+                charts.push(TimeChart { title, least_span: 0.1, ..self.chart("normal force [N]", series) });
             }
         }
         charts
@@ -189,7 +195,12 @@ impl<'a> Told<'a> {
             series.points = bins.filter_map(middle).collect();
         }
         let most = quantile(series.iter().flat_map(|s| &s.points).map(|p| p.1).collect(), 0.99);
-        TimeChart { limit: most, least_span: 1.0, ..self.chart("time per step, median of 40 ms [us]", series) }
+        TimeChart {
+            title: "time per step, medians of 40 ms [us]".into(),
+            limit: most,
+            least_span: 1.0,
+            ..self.chart("time per step [us]", series)
+        }
     }
 
     /// Friction over its limit, each contact a dot.
@@ -208,7 +219,8 @@ impl<'a> Told<'a> {
             };
             let series: Vec<Series> = self.pair.runs().map(of_run).collect();
             if series.iter().any(|s| !s.points.is_empty()) {
-                let chart = self.chart(format!("{label}: friction / limit"), series);
+                let title = format!("{label}: friction over its limit [1]");
+                let chart = TimeChart { title, ..self.chart("friction / limit [1]", series) };
                 charts.push(TimeChart { dots: true, levels: vec![1.0, 0.0], limit: Some(1.2), ..chart });
             }
         }
@@ -255,7 +267,7 @@ fn tiers(samples: &[Sample]) -> Vec<Tier> {
 pub fn numbers(charts: &[TimeChart]) -> Result<String, csv::Error> {
     let columns: Vec<(String, &Series)> = charts
         .iter()
-        .flat_map(|chart| chart.series.iter().map(move |s| (format!("{}: {}", s.label, chart.y_label), s)))
+        .flat_map(|chart| chart.series.iter().map(move |s| (format!("{}: {}", s.label, chart.name()), s)))
         .collect();
     // Times are not negative: their bits are in their order.
     let mut rows: BTreeMap<u64, Vec<String>> = BTreeMap::new();

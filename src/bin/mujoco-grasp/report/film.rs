@@ -16,11 +16,11 @@ use crate::artist::{Artist, pose_at, pushing};
 use crate::output::{complain, message};
 use crate::progress::Progress;
 
-const FRAME: (u32, u32) = (480, 360);
+const FRAME: (u32, u32) = (400, 300);
 const QUALITY: u8 = 80;
 /// At most so many frames of films, for the page's size and the time that it takes. Where both modes are in the same state,
 /// as before the latch, they share a frame.
-const MOST: usize = 280;
+const MOST: usize = 220;
 /// Before a push [s].
 const BEFORE: f64 = 0.04;
 
@@ -170,11 +170,14 @@ fn telling(plan: &Plan, pair: &Pair, push: Option<&Push>) -> Vec<(&'static str, 
     let from = plan.timeline.measure_from();
     let end = pair.runs().filter_map(|run| run.moments.last()).map(|m| m.time).fold(0.0, f64::max);
     let latch = pair.grasp.as_ref().map(|run| &run.summary);
+    let lost_of = |run: &Run| lost_at(&run.trajectory, from).map(|i| run.trajectory.samples()[i].time);
+    let lost = pair.runs().filter_map(lost_of).reduce(f64::min);
     let slip = pair.runs().filter_map(|run| run.summary.slip_onset_s).reduce(f64::min);
     let mut moments: Vec<(&str, Option<f64>)> = vec![
         ("latched", latch.and_then(|s| s.latched_at_s)),
         ("before", Some(push.map_or(from, |p| (p.start - BEFORE).max(from)))),
-        ("push", push.map(|p| 0.5 * (p.start + p.end))),
+        // Half of it, or of what it takes of it to lose the target.
+        ("push", push.map(|p| 0.5 * (p.start + p.end.min(lost.unwrap_or(p.end)).max(p.start)))),
         ("peak", pair.runs().next().and_then(|run| peak(run, from))),
         ("slip", slip),
         ("let go", latch.and_then(|s| s.released_at_s)),

@@ -34,7 +34,7 @@ pub fn tell(
     let facts: Vec<Facts> = grasps.map(|(index, grasp)| Facts::of(&plan.model, index, grasp)).collect();
     let mut page = Page::new(format!("{}: what the grasp did, and what it cost", plan.name), &plan.about);
     if let Ok(shot) = shot {
-        shot.jpegs.iter().for_each(|jpeg| drop(page.frame(jpeg)));
+        page.frames(&shot.jpegs);
     }
     setting(&mut page, plan, &facts);
     results(&mut page, simulated);
@@ -94,6 +94,12 @@ fn results(page: &mut Page, simulated: &Simulated) {
     let outcome = |run: &Option<Run>| summary::outcome(run.as_ref().and_then(|r| r.summary.outcome)).to_owned();
     for pair in &simulated.pairs {
         let c = pair.compare.as_ref();
+        if c.is_some_and(|c| c.vacuous) {
+            page.text(&format!(
+                "Push {}: grasp mode was latched for none of the compared time; both were the same simulation.",
+                pair.push
+            ));
+        }
         rows.push(vec![
             pair.push.clone(),
             outcome(&pair.full),
@@ -216,7 +222,7 @@ fn costs(page: &mut Page, cost: &Cost) {
             let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
             page.table("Medians, in microseconds; - where there is no such number", &columns(&heads, cells));
             page.text(
-                "\"contact\": the part of a step that is spent because of contacts or the grasp; that of grasp with every step \
+                "IK: one inverse-kinematics solve. \"contact\": the part of a step that is spent because of contacts or the grasp; that of grasp with every step \
                  whole. \"noslip\": full with 10 noslip iterations. \"floor\": without contacts and grasp. Pushed: along the \
                  first push, at half the size that is not held. The thesis's times are those of its own engine, on an i7-6820HK \
                  at 2.7 GHz; it tells no whole steps.",
