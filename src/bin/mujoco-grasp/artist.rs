@@ -2,12 +2,12 @@
 
 use image::RgbImage;
 use mujoco_grasp::grasp::{GraspId, Grasps};
-use mujoco_grasp::mujoco::{Arrow, Camera, Drawing, Renderer, Simulation};
+use mujoco_grasp::mujoco::{Arrow, BodyId, Camera, Drawing, Renderer, Simulation};
 use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::Run;
 
-/// Length of the arrow that shows a push, whatever its size \[m\].
-const ARROW: f64 = 0.16;
+/// The arrow that shows a push stands out so far on both sides of what is pushed, whatever its size \[m\].
+const ARROW: f64 = 0.05;
 const ARROW_COLOUR: [f32; 4] = [1.0, 0.75, 0.0, 1.0];
 
 /// A renderer with a simulation to pose.
@@ -39,15 +39,23 @@ impl Artist {
         Ok(Camera::on_grasp(&self.sim, grasp.palm(), grasp.target())?)
     }
 
+    /// Of the largest sphere about a geom of the body \[m\].
+    fn radius(&self, body: BodyId) -> f64 {
+        let model = self.sim.model();
+        let own =
+            model.geom_bodyid().iter().zip(model.geom_rbound()).filter(|(owner, _)| **owner == body.index() as i32);
+        own.map(|(_, radius)| *radius).fold(0.0, f64::max)
+    }
+
     /// The scene in this pose, with an arrow for a push that is on.
     pub fn frame(&mut self, qpos: &[f64], camera: Camera, push: Option<&Push>) -> anyhow::Result<RgbImage> {
         self.pose(qpos)?;
-        // Fingertips and their goals are of no interest here, and would be seen floating.
-        let mut drawing = Drawing { hide_sites: true, ..Drawing::default() };
+        let mut drawing = Drawing::default();
         if let Some(push) = push.filter(|p| p.force.norm() > 0.0) {
             // Through the middle: one of its ends is seen from wherever it is looked at.
-            let tip = self.sim.body_com(push.body) + 0.5 * ARROW * push.force.normalize();
-            drawing.arrows.push(Arrow::to_point(tip, push.force, ARROW / push.force.norm(), ARROW_COLOUR));
+            let half = self.radius(push.body) + ARROW;
+            let tip = self.sim.body_com(push.body) + half * push.force.normalize();
+            drawing.arrows.push(Arrow::to_point(tip, push.force, 2.0 * half / push.force.norm(), ARROW_COLOUR));
         }
         Ok(self.renderer.draw(&self.sim, camera, &drawing)?)
     }

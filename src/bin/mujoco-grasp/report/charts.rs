@@ -167,8 +167,8 @@ impl<'a> Told<'a> {
             TimeChart {
                 levels: if released_by_force { vec![facts.release_quality] } else { Vec::new() },
                 least_span: 0.1,
-                ..self
-                    .chart(if released_by_force { "all normal forces [N], Q_M" } else { "all normal forces [N]" }, all)
+                title: if released_by_force { "all normal forces, with Q_M [N]".into() } else { String::new() },
+                ..self.chart("all normal forces [N]", all)
             },
         ];
         for (finger, label) in self.fingers() {

@@ -20,7 +20,7 @@ const FRAME: (u32, u32) = (400, 300);
 const QUALITY: u8 = 80;
 /// At most so many frames of films, for the page's size and the time that it takes. Where both modes are in the same state,
 /// as before the latch, they share a frame.
-const MOST: usize = 220;
+const MOST: usize = 200;
 /// Before a push [s].
 const BEFORE: f64 = 0.04;
 
