@@ -10,13 +10,17 @@
 //! | [`BenchTable`] | what a step costs, the thesis's Table 5.1 beside ours, as text and as bars |
 //! | [`Scatter`] | a quantity in grasp mode against the same in full mode |
 //! | [`Curves`] | costs against the size of a model |
+//! | [`TimeChart`] | one quantity over time in both modes, small enough for a phone |
+//! | [`Page`] | all of these with tables, films and numbers, in one HTML file |
 
 #![forbid(unsafe_code)]
 
 mod canvas;
+mod chart;
 mod curves;
 mod error;
 mod legend;
+mod page;
 mod panel;
 mod plot;
 mod scatter;
@@ -25,8 +29,10 @@ mod strip;
 mod table;
 mod trace;
 
+pub use chart::{Series, Tier, TimeChart};
 pub use curves::{Curve, Curves};
 pub use error::ReportError;
+pub use page::{Film, Page, Still};
 pub use plot::MotionPlot;
 pub use scatter::{PointSet, Scatter};
 pub use strip::{Row, Strip};

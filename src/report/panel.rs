@@ -21,8 +21,7 @@ pub(crate) struct Panel<'a> {
     pub y_label: &'a str,
     pub x: (f64, f64),
     pub y: (f64, f64),
-    /// Intervals of x with a coloured ground.
-    pub shaded: Vec<(f64, f64)>,
+    pub shaded: Vec<Shade>,
     pub verticals: Vec<(f64, Pen)>,
     pub horizontals: Vec<(f64, Pen)>,
     pub curves: Vec<(Vec<Run>, Pen)>,
@@ -30,7 +29,14 @@ pub(crate) struct Panel<'a> {
     pub note: Option<&'a str>,
 }
 
-/// Ground of the shaded intervals.
+/// A coloured ground under an interval of x, from the foot of the panel up to this part of its height.
+pub(crate) struct Shade {
+    pub x: (f64, f64),
+    pub top: f64,
+    pub color: RGBColor,
+}
+
+/// Ground under a push.
 pub(crate) const SHADE: RGBColor = RGBColor(248, 236, 200);
 
 /// At most so many labels on an axis.
@@ -48,9 +54,10 @@ impl Panel<'_> {
             .x_label_area_size(canvas.px(40.0))
             .y_label_area_size(canvas.px(68.0))
             .build_cartesian_2d(x0..x1, y0..y1)?;
-        for &(start, end) in &self.shaded {
-            let (start, end) = (start.clamp(x0, x1), end.clamp(x0, x1));
-            chart.draw_series([Rectangle::new([(start, y0), (end, y1)], SHADE.filled())])?;
+        for shade in &self.shaded {
+            let (start, end) = (shade.x.0.clamp(x0, x1), shade.x.1.clamp(x0, x1));
+            let top = y0 + shade.top * (y1 - y0);
+            chart.draw_series([Rectangle::new([(start, y0), (end, top)], shade.color.filled())])?;
         }
         chart
             .configure_mesh()

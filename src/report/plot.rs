@@ -8,7 +8,7 @@ use plotters::style::text_anchor::HPos;
 use super::ReportError;
 use super::canvas::{BLUE, Canvas, Figure, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, text_width};
 use super::legend::{self, Sample};
-use super::panel::{Panel, Pen, SHADE};
+use super::panel::{Panel, Pen, SHADE, Shade};
 use super::series::{clip, range, runs};
 use super::trace::{Mark, Push, Threshold, Trace};
 
@@ -182,7 +182,7 @@ impl<'a> Quantity<'a> {
             y_label: self.label,
             x: window,
             y,
-            shaded: self.plot.push.iter().map(|p| (p.start_s, p.end_s)).collect(),
+            shaded: self.plot.push.iter().map(|p| Shade { x: (p.start_s, p.end_s), top: 1.0, color: SHADE }).collect(),
             verticals: self.plot.marks.iter().enumerate().map(|(i, m)| (m.time_s, mark_pen(i))).collect(),
             horizontals: levels.filter(|_| self.scale == Scale::Quality).collect(),
             curves: self.plot.traces.iter().zip(&self.columns).enumerate().map(curve).collect(),

@@ -38,7 +38,7 @@ pub struct Scatter {
 }
 
 const FIGURE: &str = "scatter plot";
-const SIZE: (u32, u32) = (760, 860);
+const SIZE: (u32, u32) = (480, 600);
 const TITLE_HEIGHT: f64 = 44.0;
 /// At most so many labels on an axis.
 const TICKS: usize = 8;

@@ -66,6 +66,11 @@ impl BenchTable {
     /// The table as aligned text, times in microseconds. The thesis has no times of whole steps: "-". The two ratios
     /// are those of the contact parts, full to grasp and full_noslip to grasp; the grasp's is that of whole steps.
     pub fn text(&self) -> String {
+        aligned(&self.cells())
+    }
+
+    /// The same as cells, the first line its heads.
+    pub fn cells(&self) -> Vec<Vec<String>> {
         let head = [
             "[us]",
             "IK",
@@ -98,7 +103,7 @@ impl BenchTable {
             line.push(number(row.floor.step_us));
             lines.push(line);
         }
-        aligned(&lines)
+        lines
     }
 
     /// Saves the bars as SVG or PNG (at twice the size in pixels), as the name's ending says.

@@ -18,6 +18,7 @@ pub mod error;
 pub mod file;
 mod length;
 pub mod measure;
+pub mod moment;
 pub mod onset;
 pub mod outcome;
 mod pin;

@@ -3,7 +3,7 @@
 //! All motion is that of the target's frame in the palm's frame, from its pose at `measure_from`.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::trajectory::{Sample, Trajectory};
 
@@ -19,7 +19,7 @@ pub const SLIP_ONSET: f64 = 0.001;
 const CREEP_TIME: f64 = 1.0;
 
 /// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
     /// Not lost, and back within 2 mm or a tenth of the peak.

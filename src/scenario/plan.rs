@@ -19,6 +19,8 @@ use crate::mujoco::{BodyId, CompiledModel, KeyframeId, Model, SiteId};
 pub struct Plan {
     /// The scenario's name.
     pub name: String,
+    /// What it is about, in a line; empty where the file does not say.
+    pub about: String,
     /// The scenario file, for messages.
     pub file: PathBuf,
     /// The compiled model.
@@ -162,11 +164,23 @@ impl Plan {
             .enumerate()
             .map(|(i, entry)| push(&model, path, i, entry, &grasps))
             .collect::<Result<Vec<_>, _>>()?;
-        let (name, timeline) = (file.name.clone(), file.timeline);
+        let (name, about, timeline) = (file.name.clone(), file.about.clone().unwrap_or_default(), file.timeline);
         let frozen_tolerance = file.frozen_tolerance.unwrap_or(FROZEN_TOLERANCE);
         let (file, stop) = (path.to_path_buf(), Stop::default());
-        let plan =
-            Self { name, file, model, keyframe, timeline, grasps, frozen_tolerance, controls, goals, pushes, stop };
+        let plan = Self {
+            name,
+            about,
+            file,
+            model,
+            keyframe,
+            timeline,
+            grasps,
+            frozen_tolerance,
+            controls,
+            goals,
+            pushes,
+            stop,
+        };
         plan.check_timestep()?;
         Ok(plan)
     }

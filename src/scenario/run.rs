@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::compare::{Comparison, compare};
 use super::error::Error;
+use super::moment::{Moment, pressing};
 use super::outcome::{Summary, summarize};
 use super::plan::{Plan, Push};
 use super::runner::{Mode, Runner};
@@ -74,9 +75,9 @@ pub struct Run {
     /// The other grasps of the scenario, if it has any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<OtherGrasp>,
-    /// (time \[s\], qpos) at [`POSES_PER_SECOND`], for pictures.
+    /// At [`POSES_PER_SECOND`], for pictures.
     #[serde(skip)]
-    pub poses: Vec<(f64, Vec<f64>)>,
+    pub moments: Vec<Moment>,
     /// Why it ended early.
     #[serde(skip)]
     pub error: Option<Error>,
@@ -226,16 +227,21 @@ pub fn run(
     let mut runner = Runner::new(plan, mode, push)?;
     options.set_noslip(runner.sim_mut())?;
     let mut trajectories = runner.trajectories();
-    let mut poses = Vec::new();
+    let mut moments: Vec<Moment> = Vec::new();
     let mut error = None;
     let mut steps = 0;
     while !runner.is_over() {
         let time = runner.time();
-        if time >= poses.len() as f64 / POSES_PER_SECOND {
-            poses.push((time, runner.sim().qpos().to_vec()));
-        }
+        let moment = (time >= moments.len() as f64 / POSES_PER_SECOND).then(|| Moment {
+            time,
+            qpos: runner.sim().qpos().to_vec(),
+            contacts: Vec::new(),
+        });
         match runner.step() {
-            Ok(_) => runner.record(&mut trajectories),
+            Ok(_) => {
+                runner.record(&mut trajectories);
+                moments.extend(moment.map(|moment| Moment { contacts: pressing(&runner), ..moment }));
+            }
             Err(Error::Interrupted) => return Err(Error::Interrupted),
             Err(failed) => {
                 error = Some(failed);
@@ -295,7 +301,7 @@ pub fn run(
         summary,
         whole_steps: runner.grasps().whole_steps().collect(),
         others: grasps,
-        poses,
+        moments,
         error,
         unwritten: None,
         warnings,

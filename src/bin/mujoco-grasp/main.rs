@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod agree;
+mod artist;
 mod bench;
 mod calibrate;
 mod leftovers;
@@ -10,6 +11,7 @@ mod output;
 mod pictures;
 mod progress;
 mod quality;
+mod report;
 mod run;
 mod scatters;
 mod signals;
@@ -47,6 +49,8 @@ enum Command {
     List,
     /// Simulates a scenario in both modes, push by push, and compares.
     Run(run::Args),
+    /// One page with all that there is to see of a scenario: films, plots, costs, numbers.
+    Report(report::Args),
     /// Times the holding phase.
     Bench(bench::Args),
     /// Random pushes: do both modes tell the same story?
@@ -77,6 +81,7 @@ fn main() -> ExitCode {
     let result = match &cli.command {
         Command::List => list::list(output),
         Command::Run(args) => run::run(args, output),
+        Command::Report(args) => report::report(args, output),
         Command::Bench(args) => bench::bench(args, output),
         Command::Agree(args) => agree::agree(args, output),
         Command::Calibrate(args) => calibrate::calibrate(args, output),

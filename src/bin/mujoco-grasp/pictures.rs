@@ -2,31 +2,26 @@
 
 use std::path::Path;
 
-use image::RgbImage;
-use mujoco_grasp::grasp::{GraspId, Grasps};
-use mujoco_grasp::mujoco::{Arrow, Camera, Drawing, Renderer, Simulation};
 use mujoco_grasp::report::{Mark, MotionPlot, Push as Shade, Row, Strip, Threshold, Trace};
 use mujoco_grasp::scenario::outcome::Motion;
 use mujoco_grasp::scenario::plan::{Plan, Push};
-use mujoco_grasp::scenario::run::{Pair, Run};
+use mujoco_grasp::scenario::run::Pair;
 
+use crate::artist::{Artist, pose_at, pushing};
 use crate::output::{complain, message};
 use crate::progress::Progress;
 
 const FRAME: (u32, u32) = (400, 320);
 /// Frames of a strip, one for each column.
 const COLUMNS: usize = 6;
-/// Length of the arrow that shows a push, whatever its size \[m\].
-const ARROW: f64 = 0.07;
-const ARROW_COLOUR: [f32; 4] = [1.0, 0.75, 0.0, 1.0];
 /// Plots stop here: what is lost falls for metres \[mm\].
-const PLOTTED_MOTION_MM: f64 = 60.0;
+pub const PLOTTED_MOTION_MM: f64 = 60.0;
 
 /// Writes `motion-PUSH.svg` and `strip-PUSH.png` for each push. Results are there without pictures: what fails is said
 /// and left out.
 pub fn save_all(plan: &Plan, pairs: &[Pair], out: &Path) {
     let progress = Progress::new(pairs.len() as u64, "drawing");
-    let mut artist = match Artist::new(plan) {
+    let mut artist = match Artist::new(plan, FRAME) {
         Ok(artist) => Some(artist),
         Err(e) => {
             complain("warning", &format!("no rendered frames: {}", message(&e)));
@@ -39,7 +34,7 @@ pub fn save_all(plan: &Plan, pairs: &[Pair], out: &Path) {
             complain("warning", &format!("no plot of push {}: {}", pair.push, message(&e)));
         }
         if let Some(artist) = &mut artist
-            && let Err(e) = artist.strip(plan, pair, push, &out.join(format!("strip-{}.png", pair.push)))
+            && let Err(e) = strip(artist, plan, pair, push, &out.join(format!("strip-{}.png", pair.push)))
         {
             complain("warning", &format!("no frames of push {}: {}", pair.push, message(&e)));
         }
@@ -48,7 +43,8 @@ pub fn save_all(plan: &Plan, pairs: &[Pair], out: &Path) {
     progress.finish();
 }
 
-fn describe(push: Option<&Push>) -> String {
+/// The push and its force, for titles.
+pub fn describe(push: Option<&Push>) -> String {
     push.map_or_else(
         || "no push".to_owned(),
         |p| {
@@ -97,69 +93,25 @@ fn motion(plan: &Plan, pair: &Pair, push: Option<&Push>, path: &Path) -> anyhow:
     Ok(())
 }
 
-/// Renders frames of one scenario.
-struct Artist {
-    renderer: Renderer,
-    sim: Simulation,
-}
-
-impl Artist {
-    fn new(plan: &Plan) -> anyhow::Result<Self> {
-        let sim = Simulation::new(&plan.model)?;
-        Ok(Self { renderer: Renderer::new(&plan.model, FRAME.0, FRAME.1)?, sim })
-    }
-
-    fn strip(&mut self, plan: &Plan, pair: &Pair, push: Option<&Push>, path: &Path) -> anyhow::Result<()> {
-        let times = times(plan, push);
-        let Some(first) = pair.runs().find_map(|run| pose_at(run, times[0])) else {
-            anyhow::bail!("the run ended before there was anything to see");
-        };
-        let camera = self.camera(plan, first)?;
-        let mut rows = Vec::new();
-        for run in pair.runs() {
-            let mut frames = Vec::new();
-            for &time in &times {
-                if let Some(pose) = pose_at(run, time) {
-                    frames.push((time, self.frame(pose, camera, push.filter(|p| p.start <= time && time < p.end))?));
-                }
+/// Frames at telling times, both modes.
+fn strip(artist: &mut Artist, plan: &Plan, pair: &Pair, push: Option<&Push>, path: &Path) -> anyhow::Result<()> {
+    let times = times(plan, push);
+    let Some(first) = pair.runs().find_map(|run| pose_at(run, times[0])) else {
+        anyhow::bail!("the run ended before there was anything to see");
+    };
+    let camera = artist.camera(plan, first)?;
+    let mut rows = Vec::new();
+    for run in pair.runs() {
+        let mut frames = Vec::new();
+        for &time in &times {
+            if let Some(pose) = pose_at(run, time) {
+                frames.push((time, artist.frame(pose, camera, pushing(push, time))?));
             }
-            rows.push(Row { label: run.mode.name().to_owned(), frames });
         }
-        Strip::new(format!("{}, {}", plan.name, describe(push)), rows).save(path)?;
-        Ok(())
+        rows.push(Row { label: run.mode.name().to_owned(), frames });
     }
-
-    fn pose(&mut self, qpos: &[f64]) -> anyhow::Result<()> {
-        self.sim.qpos_mut().copy_from_slice(qpos);
-        Ok(self.sim.kinematics()?)
-    }
-
-    /// The scene's own camera named `grasp`, else one that has hand and target in view at the first pose.
-    fn camera(&mut self, plan: &Plan, first: &[f64]) -> anyhow::Result<Camera> {
-        if let Ok(camera) = Camera::named(&plan.model, "grasp") {
-            return Ok(camera);
-        }
-        self.pose(first)?;
-        let grasps = Grasps::of(&self.sim, &plan.grasps[0])?;
-        let grasp = &grasps[GraspId::FIRST];
-        Ok(Camera::on_grasp(&self.sim, grasp.palm(), grasp.target())?)
-    }
-
-    fn frame(&mut self, qpos: &[f64], camera: Camera, push: Option<&Push>) -> anyhow::Result<RgbImage> {
-        self.pose(qpos)?;
-        let mut drawing = Drawing { hide_sites: false, ..Drawing::default() };
-        if let Some(push) = push.filter(|p| p.force.norm() > 0.0) {
-            let at = self.sim.body_com(push.body);
-            drawing.arrows.push(Arrow::to_point(at, push.force, ARROW / push.force.norm(), ARROW_COLOUR));
-        }
-        Ok(self.renderer.draw(&self.sim, camera, &drawing)?)
-    }
-}
-
-/// The pose nearest to a time; `None` if the run was over by then.
-fn pose_at(run: &Run, time: f64) -> Option<&[f64]> {
-    let next = run.poses.iter().position(|(t, _)| *t >= time - 1e-9)?;
-    Some(&run.poses[next].1)
+    Strip::new(format!("{}, {}", plan.name, describe(push)), rows).save(path)?;
+    Ok(())
 }
 
 /// Just before the push, during it, and a little after; without a push all of the measured time.

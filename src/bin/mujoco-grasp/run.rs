@@ -1,6 +1,6 @@
 //! `mujoco-grasp run`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
@@ -126,46 +126,74 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     if let Some(share) = args.at_onset {
         at_onset = Some(scale_to_onset(&mut plan, share, &args.push, options)?);
     }
-    let pushes = plan.select_pushes(&args.push)?;
-    let modes = args.mode.modes();
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    let simulated = simulate(&plan, args.mode.modes(), &args.push, options, &out)?;
+    let report = simulated.report(&plan, at_onset);
+    let notes = warnings::creep_notes(&simulated.pairs, options.noslip.unwrap_or(plan.model.noslip_iterations()));
+    output.write(&report, || summary::text(&report, &notes, &out))?;
+    if !args.no_pictures && simulated.all_written() {
+        crate::pictures::save_all(&plan, &simulated.pairs, &out);
+    }
+    Ok(exit_status(&simulated.failures))
+}
+
+/// What came of the runs, and has been said on standard error.
+pub struct Simulated {
+    pub pairs: Vec<Pair>,
+    pub warnings: Vec<String>,
+    pub failures: Vec<String>,
+}
+
+impl Simulated {
+    /// The JSON object.
+    pub fn report<'a>(&'a self, plan: &'a Plan, at_onset: Option<AtOnset>) -> Report<'a> {
+        Report {
+            scenario: &plan.name,
+            engine: mujoco::mujoco_version(),
+            nv: plan.model.nv(),
+            timestep_s: plan.model.timestep(),
+            runs: &self.pairs,
+            at_onset,
+            warnings: self.warnings.clone(),
+            error: (!self.failures.is_empty()).then(|| self.failures.join("; ")),
+        }
+    }
+
+    /// Whether every trajectory is in its file.
+    pub fn all_written(&self) -> bool {
+        self.pairs.iter().flat_map(Pair::runs).all(|run| run.unwritten.is_none())
+    }
+}
+
+/// Runs `modes` under the selected pushes, and writes the trajectories to `out`.
+pub fn simulate(plan: &Plan, modes: &[Mode], push: &str, options: Options, out: &Path) -> anyhow::Result<Simulated> {
+    let pushes = plan.select_pushes(push)?;
     // Sets a run up before anything is written: bad input leaves no folder behind.
-    let runner = Runner::new(&plan, modes[0], pushes.first().copied().flatten())?;
+    let runner = Runner::new(plan, modes[0], pushes.first().copied().flatten())?;
     let runs = modes.len() * pushes.len();
-    runner.check_memory(&plan, runs)?;
-    leftovers::clear_of_runs(&out)?;
+    runner.check_memory(plan, runs)?;
+    leftovers::clear_of_runs(out)?;
 
     let progress = Progress::new(runner.total_steps() * runs as u64, "simulating");
-    let observer = Observer { steps: &|n| progress.advance(n), finished: &|run: &Run| run.write_csv(&out).map(drop) };
-    let pairs = run_all(&plan, modes, &pushes, options, &observer);
+    let observer = Observer { steps: &|n| progress.advance(n), finished: &|run: &Run| run.write_csv(out).map(drop) };
+    let pairs = run_all(plan, modes, &pushes, options, &observer);
     progress.finish();
     let pairs = pairs?;
 
-    let warnings = warnings::warnings(&plan, &pairs);
+    let warnings = warnings::warnings(plan, &pairs);
     warnings.iter().for_each(|message| complain("warning", message));
     let failures = failures(&pairs, runs);
     failures.iter().for_each(|message| complain("error", message));
-    let all_written = pairs.iter().flat_map(Pair::runs).all(|run| run.unwritten.is_none());
-    let report = Report {
-        scenario: &plan.name,
-        engine: mujoco::mujoco_version(),
-        nv: plan.model.nv(),
-        timestep_s: plan.model.timestep(),
-        runs: &pairs,
-        at_onset,
-        warnings,
-        error: (!failures.is_empty()).then(|| failures.join("; ")),
-    };
-    let notes = warnings::creep_notes(&pairs, options.noslip.unwrap_or(plan.model.noslip_iterations()));
-    output.write(&report, || summary::text(&report, &notes, &out))?;
-    if !args.no_pictures && all_written {
-        crate::pictures::save_all(&plan, &pairs, &out);
-    }
-    Ok(match signals::received() {
+    Ok(Simulated { pairs, warnings, failures })
+}
+
+/// Of a call whose results have been told.
+pub fn exit_status(failures: &[String]) -> ExitCode {
+    match signals::received() {
         Some((_, status)) => status,
         None if failures.is_empty() => ExitCode::SUCCESS,
         None => ExitCode::from(FAILURE),
-    })
+    }
 }
 
 /// What failed: runs on their way, files that could not be written (each reason of the system once), and what a signal cut

@@ -47,7 +47,8 @@ pub struct ScaledPush {
     pub torque_nm: [f64; 3],
 }
 
-const HEADS: [&str; 13] = [
+/// Heads of [`row`].
+pub const HEADS: [&str; 13] = [
     "push",
     "mode",
     "outcome",
@@ -62,7 +63,8 @@ const HEADS: [&str; 13] = [
     "slips at s",
     "step us",
 ];
-const COMPARED: [&str; 6] =
+/// Heads of [`comparison`].
+pub const COMPARED: [&str; 6] =
     ["push", "same outcome", "position rmse mm", "relative", "rotation rmse mrad", "normal force"];
 
 /// All that `run` says.
@@ -139,7 +141,8 @@ fn comparisons(pairs: &[Pair]) -> Vec<Vec<String>> {
     rows
 }
 
-fn row(push: String, mode: Mode, s: &Summary) -> Vec<String> {
+/// One run in numbers.
+pub fn row(push: String, mode: Mode, s: &Summary) -> Vec<String> {
     vec![
         push,
         mode.name().to_owned(),
@@ -157,7 +160,8 @@ fn row(push: String, mode: Mode, s: &Summary) -> Vec<String> {
     ]
 }
 
-fn comparison(push: String, c: &Comparison) -> Vec<String> {
+/// Both modes compared.
+pub fn comparison(push: String, c: &Comparison) -> Vec<String> {
     let same = match (c.vacuous, c.same_outcome) {
         (true, _) => "says nothing",
         (false, true) => "yes",

@@ -7,7 +7,7 @@ use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg::Spatial;
 use crate::grasp::monitor::wrench::LoadedContact;
-use crate::mujoco::{BodyId, Contact, GeomId, Simulation};
+use crate::mujoco::{BodyId, Cone, Contact, GeomId, Simulation};
 use nalgebra::Vector3;
 
 mod memory;
@@ -93,6 +93,20 @@ impl GraspContact {
         let f = &self.force_rows;
         self.force = n * f[0] + t1 * f[1] + t2 * f[2];
         self.torque = n * f[3] + t1 * f[4] + t2 * f[5];
+    }
+
+    /// Friction over its limit: 0 for none, 1 at the edge of the friction cone of this shape; `None` without normal force or
+    /// friction.
+    pub fn friction_share(&self, cone: Cone) -> Option<f64> {
+        let rows = self.parameters.condim.saturating_sub(1).min(5);
+        let normal = self.normal_force();
+        let limited = self.force_rows[1..].iter().zip(self.parameters.friction).take(rows).filter(|(_, mu)| *mu > 0.0);
+        let shares: Vec<f64> = limited.map(|(force, mu)| (force / (mu * normal)).abs()).collect();
+        let share = match cone {
+            Cone::Elliptic => shares.iter().map(|s| s * s).sum::<f64>().sqrt(),
+            _ => shares.iter().sum(),
+        };
+        (normal > 0.0 && !shares.is_empty()).then_some(share)
     }
 
     /// True while friction is at its limit.
