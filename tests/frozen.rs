@@ -27,6 +27,38 @@ fn apart(a: &Simulation, b: &Simulation) -> f64 {
     a.qpos().iter().zip(b.qpos()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
+/// What has come of a push of 100 steps, after 250.
+struct Pushed {
+    /// Share of the steps that were frozen.
+    frozen: f64,
+    /// The largest difference from whole steps, and of what is pushed from what is not.
+    worst: f64,
+    moved: f64,
+}
+
+fn pushed(mut sim: Simulation, mut grasps: Grasps, push: f64) -> Pushed {
+    let mut whole = (sim.clone(), grasps.clone());
+    let mut untouched = (sim.clone(), grasps.clone());
+    let target = grasps[GraspId::FIRST].target().index();
+    let before = grasps.frozen_steps();
+    let (mut worst, mut moved) = (0.0f64, 0.0f64);
+    for k in 0..250 {
+        let force = if k < 100 { push } else { 0.0 };
+        sim.xfrc_applied_mut()[6 * target + 1] = force;
+        whole.0.xfrc_applied_mut()[6 * target + 1] = force;
+        grasps.substep(&mut sim).expect("a step");
+        whole.1.step(&mut whole.0).expect("a step");
+        untouched.1.step(&mut untouched.0).expect("a step");
+        worst = worst.max(apart(&sim, &whole.0));
+        moved = moved.max(apart(&untouched.0, &whole.0));
+    }
+    for held in [&grasps, &whole.1] {
+        assert_eq!(held[GraspId::FIRST].phase(), Phase::Grasped);
+    }
+    assert!(moved > 2e-5, "the push moves nothing, {moved} m");
+    Pushed { frozen: (grasps.frozen_steps() - before) as f64 / 250.0, worst, moved }
+}
+
 #[test]
 fn a_pushed_target_moves_on_frozen_geometry_as_with_whole_steps() {
     // what spins between two fingers has nothing but friction to hold it: where it comes to rest is less certain
@@ -34,28 +66,11 @@ fn a_pushed_target_moves_on_frozen_geometry_as_with_whole_steps() {
     let tolerances = [(1e-3, 5e-3), (FROZEN_TOLERANCE, 1e-2)];
     let each = scenes.into_iter().flat_map(|scene| tolerances.map(|tolerance| (scene, tolerance)));
     for ((scenario, push, share, neutral), (tolerance, error)) in each {
-        let (mut sim, mut grasps) = held(scenario, Limits::Cones);
+        let (sim, mut grasps) = held(scenario, Limits::Cones);
         grasps.set_frozen_tolerance(tolerance);
-        let mut whole = (sim.clone(), grasps.clone());
-        let mut untouched = (sim.clone(), grasps.clone());
-        let target = grasps[GraspId::FIRST].target().index();
-        let before = grasps.frozen_steps();
-        let (mut worst, mut moved) = (0.0f64, 0.0f64);
-        for k in 0..250 {
-            let force = if k < 100 { push } else { 0.0 };
-            sim.xfrc_applied_mut()[6 * target + 1] = force;
-            whole.0.xfrc_applied_mut()[6 * target + 1] = force;
-            grasps.substep(&mut sim).expect("a step");
-            whole.1.step(&mut whole.0).expect("a step");
-            untouched.1.step(&mut untouched.0).expect("a step");
-            worst = worst.max(apart(&sim, &whole.0));
-            moved = moved.max(apart(&untouched.0, &whole.0));
-        }
-        let frozen = (grasps.frozen_steps() - before) as f64 / 250.0;
+        let Pushed { frozen, worst, moved } = pushed(sim, grasps, push);
         println!("{scenario}, {tolerance} rad: {worst} m apart, of {moved} m; {frozen} frozen");
         assert!(frozen > share, "{scenario}: {frozen} of the steps were frozen");
-        assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Grasped);
-        assert!(moved > 2e-5, "{scenario}: the push moves nothing, {moved} m");
         assert!(worst < error * moved + neutral, "{scenario}: {worst} m apart, of {moved} m that the push moves");
     }
 }
@@ -65,30 +80,11 @@ fn a_pushed_target_moves_on_frozen_geometry_as_with_whole_steps() {
 fn a_merged_grasp_moves_on_frozen_geometry_as_with_whole_steps() {
     let scenes = [("clutch", Limits::Rigid, 0.4), ("clutch", Limits::Box, 0.4), ("pinch", Limits::Box, 0.3)];
     for (scenario, limits, push) in scenes {
-        let (mut sim, mut grasps) = held(scenario, limits);
+        let (mut sim, grasps) = held(scenario, limits);
         sim.set_noslip_iterations(0).expect("no iterations");
-        let mut whole = (sim.clone(), grasps.clone());
-        let mut untouched = (sim.clone(), grasps.clone());
-        let target = grasps[GraspId::FIRST].target().index();
-        let before = grasps.frozen_steps();
-        let (mut worst, mut moved) = (0.0f64, 0.0f64);
-        for k in 0..250 {
-            let force = if k < 100 { push } else { 0.0 };
-            sim.xfrc_applied_mut()[6 * target + 1] = force;
-            whole.0.xfrc_applied_mut()[6 * target + 1] = force;
-            grasps.substep(&mut sim).expect("a step");
-            whole.1.step(&mut whole.0).expect("a step");
-            untouched.1.step(&mut untouched.0).expect("a step");
-            worst = worst.max(apart(&sim, &whole.0));
-            moved = moved.max(apart(&untouched.0, &whole.0));
-        }
-        let frozen = (grasps.frozen_steps() - before) as f64 / 250.0;
+        let Pushed { frozen, worst, moved } = pushed(sim, grasps, push);
         println!("{scenario}, {limits:?}: {worst} m apart, of {moved} m; {frozen} frozen");
         assert!(frozen > 0.4, "{scenario}, {limits:?}: {frozen} of the steps were frozen");
-        for latched in [&grasps, &whole.1] {
-            assert_eq!(latched[GraspId::FIRST].phase(), Phase::Grasped);
-        }
-        assert!(moved > 2e-5, "{scenario}, {limits:?}: the push moves nothing, {moved} m");
         assert!(worst < 1e-2 * moved, "{scenario}, {limits:?}: {worst} m apart, of {moved} m that the push moves");
     }
 }

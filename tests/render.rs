@@ -123,6 +123,25 @@ fn a_picture_may_be_larger_than_the_models_offscreen_buffer() {
     assert!((x - 0.5).abs() < 0.01 && (y - 0.5).abs() < 0.01 && n > 10_000, "{x} {y} {n}");
 }
 
+/// They were drawn half as long as they are.
+#[test]
+fn an_arrow_reaches_from_its_point_to_where_it_points() {
+    let ends = [-0.3, 0.3];
+    let balls = ends.map(|x| format!(r#"<geom type="sphere" size="0.03" pos="{x} 0 0" rgba="{RED}"/>"#)).concat();
+    let vector = Vector3::new(ends[1] - ends[0], 0.0, 0.0);
+    let start = Vector3::new(ends[0], 0.0, 0.1);
+    let arrow = Arrow::from_point(start, vector, 1.0, [0.0, 1.0, 0.0, 1.0]).with_width(0.02);
+    let picture = draw(&scene(&balls), FRONT, &Drawing { arrows: vec![arrow], ..Drawing::default() });
+    let span = |wanted: usize| {
+        let columns =
+            picture.enumerate_pixels().filter(|(_, _, p)| hue(p) == Some(wanted)).map(|(x, _, _)| f64::from(x));
+        columns.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), x| (least.min(x), most.max(x)))
+    };
+    let (balls, arrow) = (span(0), span(1));
+    let near = 0.1 * (balls.1 - balls.0);
+    assert!((balls.0 - arrow.0).abs() < near && (balls.1 - arrow.1).abs() < near, "balls {balls:?}, arrow {arrow:?}");
+}
+
 #[test]
 fn edges_are_smooth_and_things_cast_shadows() {
     let sim = started(

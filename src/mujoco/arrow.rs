@@ -54,7 +54,8 @@ impl Arrow {
 
     /// Fills a geom of the scene. To be called under the guard.
     pub(super) fn write(&self, geom: &mut ffi::mjvGeom) {
-        let (from, to) = (self.from, self.from + self.vector);
+        // The renderer draws an arrow half as long as its geom says.
+        let (from, to) = (self.from, self.from + 2.0 * self.vector);
         let none = std::ptr::null();
         let arrow = ffi::mjGEOM_ARROW as i32;
         // SAFETY: the geom is exclusive; null stands for the engine's defaults; the colour has four numbers.
