@@ -185,11 +185,16 @@ impl Grasps {
     /// Solves all rows of a step whose latched grasps are all merged; false if that is not so, or if there are rows for the
     /// engine's own solver.
     fn solve_merged(&mut self, sim: &mut Simulation) -> Result<bool, Error> {
-        if self.frozen.is_now() && self.bounded_rows.can_resume() {
+        if self.list.iter().any(Grasp::is_cones) {
+            // none of its rows is this step's
+            self.bounded_rows.forget();
+            return Ok(false);
+        }
+        if self.frozen.is_now() {
             return self.bounded_rows.resume(sim, &self.force.generalised);
         }
         let welds = self.weld_rows(sim);
-        Ok(!self.list.iter().any(Grasp::is_cones) && self.bounded_rows.solve(sim, &welds, &self.force.generalised)?)
+        self.bounded_rows.solve(sim, &welds, &self.force.generalised)
     }
 
     /// Solves the latched grasps with friction cones, those that move each other as one problem; returns how many of the

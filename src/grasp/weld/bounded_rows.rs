@@ -97,6 +97,11 @@ impl BoundedRows {
         self.complete
     }
 
+    /// The rows that it has are of an earlier step.
+    pub fn forget(&mut self) {
+        self.complete = false;
+    }
+
     /// Newton's method on the set of rows at a bound.
     fn iterate(&mut self, sim: &mut Simulation, internal: &[f64]) -> Result<bool, Error> {
         let mut settled = false;
