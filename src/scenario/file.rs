@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::error::{Error, Field};
 use crate::grasp::Limits;
@@ -25,7 +26,7 @@ pub struct ScenarioFile {
     /// Keyframe to start from; without it, the model's `qpos0` with controls 0.
     #[serde(default)]
     pub keyframe: Option<String>,
-    /// Angle by which anything may turn between two whole steps of a latched grasp \[rad\]; left out: 0.001, 0: every step is
+    /// Angle by which anything may turn between two whole steps of a latched grasp \[rad\]; left out: 0.002, 0: every step is
     /// whole.
     #[serde(default)]
     pub frozen_tolerance: Option<f64>,
@@ -186,8 +187,7 @@ impl ScenarioFile {
     /// # Errors
     /// [`Error::Parse`] for text that is no scenario (unknown keys included), [`Error::Field`] for a value that makes no sense.
     pub fn parse(text: &str, path: &Path) -> Result<Self, Error> {
-        let file: Self = toml::from_str(text)
-            .map_err(|source| Error::Parse { file: path.to_path_buf(), source: Box::new(source) })?;
+        let file: Self = toml(text, path)?;
         file.check(path)?;
         Ok(file)
     }
@@ -229,10 +229,7 @@ impl ScenarioFile {
         let mut names = BTreeSet::new();
         for (i, push) in self.push.iter().enumerate() {
             push.check(path, i, self.timeline.duration)?;
-            if !names.insert(push.name.as_str()) {
-                return Err(at(&format!("push[{i}].name"))
-                    .wrong(format!("\"{}\" is the name of another push; names must differ", push.name)));
-            }
+            distinct(&mut names, at(&format!("push[{i}].name")), &push.name, "push; names")?;
             if push.target.is_none() && self.grasp.len() > 1 {
                 return Err(at(&format!("push[{i}].target")).wrong(format!(
                     "is missing; with {} grasps, say which target is pushed: {}",
@@ -399,6 +396,17 @@ impl PushEntry {
     pub fn end(&self) -> f64 {
         self.start + self.duration
     }
+}
+
+/// The values in a text.
+pub(super) fn toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Error> {
+    ::toml::from_str(text).map_err(|source| Error::Parse { file: path.to_path_buf(), source: Box::new(source) })
+}
+
+/// Takes a name among `names`, unless it is there; `of`: of what it is the name, and what must differ.
+pub(super) fn distinct<'a>(names: &mut BTreeSet<&'a str>, field: Field, name: &'a str, of: &str) -> Result<(), Error> {
+    let fresh = names.insert(name);
+    if fresh { Ok(()) } else { Err(field.wrong(format!("\"{name}\" is the name of another {of} must differ"))) }
 }
 
 pub(super) fn finite(field: Field, value: f64) -> Result<(), Error> {

@@ -8,7 +8,7 @@ use mujoco_grasp::scenario::agreement::Agreement;
 use mujoco_grasp::scenario::draw::directions;
 use mujoco_grasp::scenario::tally::{Tally, write_onsets, write_trials};
 
-use crate::output::{FAILURE, Output, complain, number, table, unwritten};
+use crate::output::{FAILURE, Output, complain, folder, number, table, unwritten};
 use crate::progress::Progress;
 use crate::run::Overrides;
 use crate::{leftovers, scatters, signals};
@@ -42,7 +42,7 @@ pub fn agree(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let mut plan = args.overrides.load(&args.scenario)?;
     plan.stop = signals::stop();
     let ground = Ground::new(&plan, args.overrides.options())?;
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    let out = folder(args.out.as_deref(), &plan.name);
     leftovers::clear_of(&FILES, &out)?;
     if !ground.is_latched() {
         complain("warning", "the grasp is not latched when the push starts: both modes are the same simulation");

@@ -1,6 +1,7 @@
 //! What goes to standard output and to standard error, and the exit status.
 
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
@@ -101,6 +102,11 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         let _ = Output { json: true }.write(&json!({ "error": message }), String::new);
     }
     ExitCode::from(BAD_INPUT)
+}
+
+/// The folder of files: the one that is asked for, or one with the name of what they are about.
+pub fn folder(asked: Option<&Path>, name: &str) -> PathBuf {
+    asked.map_or_else(|| Path::new("out").join(name), Path::to_owned)
 }
 
 /// One line on standard error.

@@ -12,7 +12,7 @@ use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::Mode;
 use serde::Serialize;
 
-use crate::output::{Output, complain, message};
+use crate::output::{Output, complain, folder, message};
 use crate::run::{Overrides, Simulated, exit_status, simulate};
 use crate::{leftovers, signals, summary};
 
@@ -50,7 +50,7 @@ struct Report<'a> {
 pub fn report(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let mut plan = args.overrides.load(&args.scenario)?;
     plan.stop = signals::stop();
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    let out = folder(args.out.as_deref(), &plan.name);
     let mut simulated = simulate(&plan, &[Mode::Full, Mode::Grasp], &args.push, args.overrides.options(), &out)?;
     let path = out.join(PAGE);
     let made = page(&plan, &simulated, &out, &path);

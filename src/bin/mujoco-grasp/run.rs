@@ -13,7 +13,7 @@ use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 use rayon::prelude::*;
 
-use crate::output::{FAILURE, Output, complain, unwritten};
+use crate::output::{FAILURE, Output, complain, folder, unwritten};
 use crate::progress::Progress;
 use crate::summary::{self, AtOnset, Report, ScaledPush};
 use crate::{leftovers, signals, warnings};
@@ -126,7 +126,7 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     if let Some(share) = args.at_onset {
         at_onset = Some(scale_to_onset(&mut plan, share, &args.push, options)?);
     }
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&plan.name));
+    let out = folder(args.out.as_deref(), &plan.name);
     let simulated = simulate(&plan, args.mode.modes(), &args.push, options, &out)?;
     let report = simulated.report(&plan, at_onset);
     let notes = warnings::creep_notes(&simulated.pairs, options.noslip.unwrap_or(plan.model.noslip_iterations()));

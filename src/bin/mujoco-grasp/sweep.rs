@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use mujoco_grasp::scenario::runner::Mode;
 use mujoco_grasp::scenario::sweep::{self, Report, Shard, Sweep, Verdict};
 
-use crate::output::{Output, complain, number, table};
+use crate::output::{Output, complain, folder, number, table};
 use crate::progress::Progress;
 use crate::signals;
 
@@ -38,7 +38,7 @@ pub fn sweep(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let shard = args.shard.as_deref().map_or(Ok(Shard::ALL), str::parse)?;
     let mut sweep = Sweep::load(&args.spec)?;
     sweep.plan.stop = signals::stop();
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&sweep.spec.name));
+    let out = folder(args.out.as_deref(), &sweep.spec.name);
     let mode = match args.mode {
         ModeArg::Grasp => Mode::Grasp,
         ModeArg::Full => Mode::Full,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::scenario::error::{Error, Field};
-use crate::scenario::file::{file_name, finite, non_negative, positive};
+use crate::scenario::file::{distinct, file_name, finite, non_negative, positive, toml};
 use crate::scenario::plan::Plan;
 
 /// A spec. SI units, seconds, radians; see `docs/sweep.md`.
@@ -115,8 +115,7 @@ impl SweepFile {
     /// # Errors
     /// [`Error::Parse`] for text that is no spec (unknown keys included), [`Error::Field`] for a value that makes no sense.
     pub fn parse(text: &str, path: &Path) -> Result<Self, Error> {
-        let file: Self = toml::from_str(text)
-            .map_err(|source| Error::Parse { file: path.to_path_buf(), source: Box::new(source) })?;
+        let file: Self = toml(text, path)?;
         file.check(path)?;
         Ok(file)
     }
@@ -140,18 +139,12 @@ impl SweepFile {
         let mut names = BTreeSet::new();
         for (i, family) in self.grasp.iter().enumerate() {
             family.check(path, i)?;
-            if !names.insert(&family.name) {
-                return Err(at(&format!("grasp[{i}].name"))
-                    .wrong(format!("\"{}\" is the name of another [[grasp]]; ids must differ", family.name)));
-            }
+            distinct(&mut names, at(&format!("grasp[{i}].name")), &family.name, "[[grasp]]; ids")?;
         }
         names.clear();
         for (i, load) in self.load.iter().enumerate() {
             load.check(path, i)?;
-            if !names.insert(&load.name) {
-                return Err(at(&format!("load[{i}].name"))
-                    .wrong(format!("\"{}\" is the name of another [[load]]; names must differ", load.name)));
-            }
+            distinct(&mut names, at(&format!("load[{i}].name")), &load.name, "[[load]]; names")?;
         }
         Ok(())
     }
