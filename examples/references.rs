@@ -1,4 +1,4 @@
-//! Writes the stored references of `tests/regression.rs`: MuJoCo's full contact solve of every built-in scenario and push.
+//! Writes the stored references of `tests/scenario/regression.rs`: MuJoCo's full contact solve of every built-in scenario and push.
 //!
 //! `cargo run --release --example references -- tests/data/reference`
 //!

@@ -5,7 +5,7 @@ use mujoco_grasp::scenario::outcome::{Outcome, Summary, summarize};
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 
-use crate::hand::Hand;
+use super::hand::Hand;
 
 /// What a run of the scenario in grasp mode has shown.
 #[derive(Debug)]

@@ -1,5 +1,4 @@
 //! One grasped step against the engine's converged solve of the same step.
-#![allow(dead_code)]
 
 use mujoco_grasp::grasp::{GraspContact, Grasps};
 use mujoco_grasp::mujoco::{Simulation, Solver};

@@ -1,0 +1,87 @@
+//! What else acts on hand and target (limits, friction, couplings, other contacts) is solved together with the grasp:
+//! its normal forces are those of the engine's converged solve of the same step, to rounding.
+
+use crate::claw::Claw;
+use crate::one_step;
+use mujoco_grasp::grasp::Phase;
+use mujoco_grasp::mujoco::Model;
+use nalgebra::Vector3;
+
+const DEFAULT_JOINT: &str = r#"<joint damping="0.05" armature="0"/>"#;
+
+/// `claw.xml` with other text in the place of some.
+fn claw_with(changes: &[(&str, &str)]) -> Claw {
+    let path = format!("{}/tests/data/claw.xml", env!("CARGO_MANIFEST_DIR"));
+    let mut xml = std::fs::read_to_string(path).expect("the claw");
+    for (from, to) in changes {
+        assert!(xml.contains(from), "no {from} in claw.xml");
+        xml = xml.replace(from, to);
+    }
+    Claw::closed_from(&Model::from_xml_string(&xml).expect("a model"), |_, _| {})
+}
+
+/// Largest difference of a normal force, relative to the largest normal force; and the rows beside the grasp's.
+fn worst_difference(claw: &mut Claw) -> (f64, usize) {
+    let exact = one_step::engine(&claw.sim);
+    claw.step();
+    (one_step::difference(&exact, claw.grasp().contacts()), claw.sim.nefc())
+}
+
+fn compare(name: &str, changes: &[(&str, &str)], needs_rows: bool) {
+    for cone in [r#"cone="elliptic""#, r#"cone="pyramidal""#] {
+        let mut changes = changes.to_vec();
+        changes.push((r#"cone="elliptic""#, cone));
+        let mut claw = claw_with(&changes);
+        claw.run(0.3);
+        assert_eq!(claw.grasp().phase(), Phase::Grasped, "{name}, {cone}: never latched");
+        let mut most_rows = 0;
+        for push in [[0.0, 0.0, 0.0], [1.5, 0.5, 0.0], [0.0, -1.0, -1.0]] {
+            claw.push(Vector3::from(push));
+            for _ in 0..10 {
+                claw.run(0.02);
+                let (worst, rows) = worst_difference(&mut claw);
+                assert_eq!(claw.grasp().phase(), Phase::Grasped, "{name}, {cone}: released under {push:?}");
+                assert!(worst < 1e-6, "{name}, {cone}, push {push:?}: normal forces differ by {worst}");
+                most_rows = most_rows.max(rows);
+            }
+        }
+        assert!(!needs_rows || most_rows > 0, "{name}: there are no other rows");
+    }
+}
+
+#[test]
+fn the_grasp_alone() {
+    compare("alone", &[], false);
+}
+
+#[test]
+fn friction_of_the_fingers_joints() {
+    let joint = r#"<joint damping="0.05" armature="0" frictionloss="0.003"/>"#;
+    compare("friction loss", &[(DEFAULT_JOINT, joint)], true);
+}
+
+#[test]
+fn limits_of_the_fingers_joints() {
+    compare("limits", &[(r#"range="-0.6 1.7""#, r#"range="-0.6 0.4""#)], true);
+}
+
+#[test]
+fn couplings_within_and_between_fingers() {
+    let couplings = r#"<tendon><fixed name="t" limited="true" range="-1 0.4"><joint joint="f3_pip" coef="0.5"/>
+      <joint joint="f4_pip" coef="0.5"/></fixed></tendon>
+      <equality><joint joint1="f0_dip" joint2="f0_pip" polycoef="0 0.4 0 0 0"/>
+      <joint joint1="f1_pip" joint2="f2_pip"/></equality><actuator>"#;
+    compare("couplings", &[("<actuator>", couplings)], true);
+}
+
+#[test]
+fn limits_of_the_arm() {
+    compare("arm limit", &[(r#"range="-0.2 0.2""#, r#"range="-0.2 -0.004""#)], true);
+}
+
+#[test]
+fn a_table_under_the_target() {
+    // the ball's lowest point
+    let table = r#"<geom name="floor" type="plane" size="1 1 0.1" pos="0 0 0.265" rgba="0.4 0.45 0.5 1"/>"#;
+    compare("table", &[(r#"<geom name="floor" type="plane" size="1 1 0.1" rgba="0.4 0.45 0.5 1"/>"#, table)], true);
+}
