@@ -10,7 +10,6 @@ mod clearance;
 mod contact;
 mod faults;
 mod hostile_models;
-mod isolation;
 mod jacobian;
 mod loading;
 mod memory;

@@ -1,4 +1,5 @@
-//! Models that are compiled in a child process: what kills or hangs the compiler is a load error.
+//! Models that are compiled in a child process: what kills or hangs the compiler is a load error. A program of its own, as the
+//! whole process compiles so from then on.
 
 use mujoco_grasp::mujoco::{Error, Model, Simulation, isolate_loading};
 use std::path::{Path, PathBuf};
