@@ -130,6 +130,8 @@ class Timing:
     kept_outcome: bool | None = None
     unlatched_steps: int | None = None
     substructured_steps: int | None = None
+    whole_steps: dict[str, int] = dataclasses.field(default_factory=dict)
+    """Why steps were not made on frozen geometry, and how many."""
 
 
 @dataclass(frozen=True)

@@ -52,8 +52,6 @@ pub(super) struct Frozen {
     travel: Vec<f64>,
     /// How far contacts have slid since then \[m\].
     slip: f64,
-    /// How far anything may move until something else may touch \[m\].
-    slack: f64,
     /// By degree of freedom: how far a point of what it carries moves by it \[m/rad or m/m\].
     reach: Vec<f64>,
     /// Of the model that `reach` is of.
@@ -77,7 +75,6 @@ impl Default for Frozen {
             tolerance: TOLERANCE,
             travel: Vec::new(),
             slip: 0.0,
-            slack: 0.0,
             reach: Vec::new(),
             origin: None,
             motion: Vec::new(),
@@ -184,9 +181,6 @@ impl Grasps {
         }
         let speed = self.list.iter().map(|grasp| grasp.slip_speed(sim)).fold(0.0, f64::max);
         let frozen = &mut self.frozen;
-        if frozen.steps == 0 {
-            frozen.slack = self.detector.slack();
-        }
         frozen.slip += sim.model().timestep() * speed;
         let (angle, way) = frozen.motion(sim);
         // written so that what is no number is an obstacle
@@ -194,7 +188,7 @@ impl Grasps {
             Some(Obstacle::Turned)
         } else if !(frozen.slip < LEVER * frozen.tolerance) {
             Some(Obstacle::Slid)
-        } else if !(2.0 * way <= frozen.slack + LATE) {
+        } else if !self.detector.outlasts(way - 0.5 * LATE, |bodies| frozen.approach(sim, bodies) - LATE) {
             let pace = way / (frozen.steps + 1) as f64;
             self.detector.want(2.0 * pace * (MAX_STEPS + 1) as f64);
             Some(Obstacle::Near)
@@ -264,6 +258,21 @@ impl Frozen {
         self.stamp = None;
     }
 
+    /// How far points of two bodies may have come nearer to each other since the last whole step, at the most \[m\]: what moves
+    /// both does not count. After [`motion`](Self::motion).
+    fn approach(&self, sim: &Simulation, bodies: [usize; 2]) -> f64 {
+        let model = sim.model();
+        let way = |dof: Option<usize>| dof.map_or(0.0, |dof| self.motion[dof].1);
+        let [mut a, mut b] = bodies.map(|body| mover(model, body));
+        let both = way(a) + way(b);
+        // parents come before their children
+        while a != b {
+            let deeper = if a > b { &mut a } else { &mut b };
+            *deeper = deeper.and_then(|dof| usize::try_from(model.dof_parentid()[dof]).ok());
+        }
+        both - 2.0 * way(a)
+    }
+
     /// The largest angle and the longest way of anything since the last whole step \[rad, m\].
     fn motion(&mut self, sim: &Simulation) -> (f64, f64) {
         let model = sim.model();
@@ -283,6 +292,12 @@ impl Frozen {
         }
         largest
     }
+}
+
+/// The degree of freedom nearest to a body on the way to the world, which moves it.
+fn mover(model: &CompiledModel, body: usize) -> Option<usize> {
+    let body = model.body_weldid()[body] as usize;
+    (model.body_dofnum()[body] > 0).then(|| (model.body_dofadr()[body] + model.body_dofnum()[body] - 1) as usize)
 }
 
 /// For each degree of freedom how far the farthest point that it carries is from its axis, at the most; 1 for one that slides.
@@ -323,4 +338,34 @@ fn reach(model: &CompiledModel) -> Vec<f64> {
         }
     };
     (0..model.nv()).map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mujoco::Model;
+
+    #[test]
+    fn what_moves_two_bodies_alike_brings_them_no_nearer() {
+        let xml = r#"<mujoco><worldbody><body name="arm"><joint axis="0 0 1"/><geom size=".1" pos=".4 0 0"/>
+          <body name="a" pos=".5 .1 0"><joint axis="0 0 1"/><geom size=".02"/>
+            <body name="nail" pos=".03 0 0"><geom size=".01"/></body></body>
+          <body name="b" pos=".5 -.1 0"><joint type="slide"/><geom size=".02"/></body></body></worldbody></mujoco>"#;
+        let mut sim = Simulation::new(&Model::from_xml_string(xml).unwrap()).unwrap();
+        sim.kinematics().unwrap();
+        let mut frozen = Frozen { travel: vec![0.1, 0.02, -0.003], ..Frozen::default() };
+        let (angle, way) = frozen.motion(&sim);
+        let [arm, a, nail, b] = ["arm", "a", "nail", "b"].map(|name| sim.model().body(name).unwrap().index());
+        // the nail's far end is 4 cm from the axis of its finger
+        let close = |x: f64, y: f64| (x - y).abs() < 1e-12;
+        assert!(close(angle, 0.12) && way > 0.1 * 0.5, "{angle} {way}");
+        assert!(close(frozen.approach(&sim, [a, b]), 0.02 * 0.04 + 0.003), "{}", frozen.approach(&sim, [a, b]));
+        assert!(close(frozen.approach(&sim, [b, nail]), frozen.approach(&sim, [a, b])));
+        assert!(close(frozen.approach(&sim, [arm, nail]), 0.02 * 0.04));
+        assert_eq!(frozen.approach(&sim, [a, nail]), 0.0);
+        assert!(close(frozen.approach(&sim, [0, a]), way) || close(frozen.approach(&sim, [0, b]), way));
+        frozen.travel[1] = f64::NAN;
+        frozen.motion(&sim);
+        assert!(frozen.approach(&sim, [a, b]).is_nan());
+    }
 }

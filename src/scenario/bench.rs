@@ -12,6 +12,7 @@
 
 mod report;
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -62,6 +63,8 @@ struct Variant {
     contact_ns: Vec<f64>,
     unlatched: usize,
     frozen: u64,
+    /// See [`Grasps::whole_steps`].
+    whole: BTreeMap<&'static str, u64>,
     name: Option<(String, bool)>,
 }
 
@@ -266,15 +269,15 @@ impl Load {
 
 impl Variant {
     fn new(sim: Simulation, grasps: Option<(Grasps, Grasps)>, name: Option<(String, bool)>) -> Self {
-        Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, frozen: 0, name }
+        Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, frozen: 0, whole: BTreeMap::new(), name }
     }
 
     /// One call of so many steps.
     fn advance(&mut self, steps: usize) -> Result<(), grasp::Error> {
         let mut clock = StageClock::default();
         let whole = self.is_whole();
+        self.count_frozen(false);
         let start = Instant::now();
-        let frozen_before = self.frozen_steps();
         for k in 1..=steps {
             match &mut self.grasps {
                 Some((_, grasps)) => {
@@ -292,7 +295,7 @@ impl Variant {
             }
         }
         self.step_ns.push(start.elapsed().as_nanos() as f64 / steps as f64);
-        self.frozen += self.frozen_steps() - frozen_before;
+        self.count_frozen(true);
         if !whole {
             self.contact_ns.push(clock.contact.as_nanos() as f64 / steps as f64);
         }
@@ -308,8 +311,12 @@ impl Variant {
         }
     }
 
-    fn frozen_steps(&self) -> u64 {
-        self.grasps.as_ref().map_or(0, |(_, grasps)| grasps.frozen_steps())
+    /// Before and after a call: what it adds to the grasps' own counts, which begin anew with each turn.
+    fn count_frozen(&mut self, after: bool) {
+        let Some((_, grasps)) = &self.grasps else { return };
+        let count = |sum: &mut u64, of: u64| *sum = if after { sum.wrapping_add(of) } else { sum.wrapping_sub(of) };
+        count(&mut self.frozen, grasps.frozen_steps());
+        grasps.whole_steps().for_each(|(why, of)| count(self.whole.entry(why).or_default(), of));
     }
 
     fn kept_outcome(&self) -> bool {
@@ -331,6 +338,7 @@ impl Variant {
             kept_outcome,
             unlatched_steps: self.grasps.as_ref().map(|_| self.unlatched),
             substructured_steps: self.grasps.map(|_| self.frozen),
+            whole_steps: self.whole.into_iter().filter(|(_, count)| *count > 0).collect(),
         }
     }
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use mujoco_grasp::mujoco::{Clearance, Error, GeomId, Model, PairCollider, Simulation};
 
 use crate::random::Random;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 fn simulation(xml: &str) -> Simulation {
     Simulation::new(&Model::from_xml_string(xml).unwrap()).unwrap()
@@ -323,4 +324,57 @@ fn the_cost_of_certainty_is_printed() {
             times.each_ref().map(|times| [0.5, 0.9, 0.97].map(|part| times[(part * times.len() as f64) as usize]));
         println!("up to {speed} rad/s, ns at 50, 90, 97 %: {ours:.0?}; mj_collision {engine:.0?}");
     }
+}
+
+/// Asked at rest for a motion that then happens: the way of every body, and of two of them together, are those of the motion.
+#[test]
+fn what_outlasts_a_motion_touches_nothing_after_it() {
+    let mut sim = simulation(&room("", 0.0));
+    let mut random = Random(5);
+    let (some, others): (Vec<GeomId>, Vec<GeomId>) = sim.model().geoms().partition(|geom| geom.index() % 3 == 0);
+    let collider = PairCollider::new(&sim, &some, &others).unwrap();
+    // about the farthest point of each body from its centre, m
+    const RADIUS: f64 = 0.2;
+    let (mut asked, mut outlasted, mut finer, mut touched) = (0, 0, 0, 0);
+    for round in 0..6000 {
+        if round % 200 == 0 {
+            sim.qvel_mut().iter_mut().for_each(|v| *v = random.next());
+        }
+        sim.step().unwrap();
+        sim.kinematics().unwrap();
+        let mut clearance = Clearance::new(&sim, &collider).unwrap();
+        if !clearance.certifies(&sim).unwrap() {
+            continue;
+        }
+        let before = sim.clone();
+        let way: Vec<f64> = (0..sim.model().nbody())
+            .map(|body| {
+                let Ok(joint) = usize::try_from(sim.model().body_jntadr()[body]) else { return 0.0 };
+                let slow = 0.02 * 0.1f64.powi((body % 3) as i32);
+                let [shift, turn] =
+                    [(); 2].map(|()| slow * Vector3::new(random.next(), random.next(), random.next()));
+                let at = sim.model().jnt_qposadr()[joint] as usize;
+                let pose = &mut sim.qpos_mut()[at..at + 7];
+                pose[..3].iter_mut().zip(shift.iter()).for_each(|(x, shift)| *x += shift);
+                let was = Quaternion::new(pose[3], pose[4], pose[5], pose[6]);
+                let now = UnitQuaternion::from_scaled_axis(turn) * UnitQuaternion::from_quaternion(was);
+                pose[3..].copy_from_slice(&[now.w, now.i, now.j, now.k]);
+                shift.norm() + RADIUS * turn.norm()
+            })
+            .collect();
+        let most = way.iter().fold(0.0f64, |most, &way| most.max(way));
+        let outlasts = clearance.outlasts(most, |[a, b]| way[a] + way[b]);
+        sim.kinematics().unwrap();
+        sim.collision().unwrap();
+        let other = sim.contacts().find(|contact| !collider.covers(contact.geoms));
+        assert!(!outlasts || other.is_none(), "round {round}: {other:?}");
+        asked += 1;
+        outlasted += usize::from(outlasts);
+        finer += usize::from(outlasts && !clearance.outlasts(most, |_| f64::INFINITY));
+        touched += usize::from(other.is_some());
+        assert!(!clearance.outlasts(f64::NAN, |_| f64::NAN));
+        sim = before;
+    }
+    println!("{outlasted} of {asked} motions, {finer} by what two bodies do; {touched} of them touched something");
+    assert!(outlasted > asked / 10 && finer > asked / 50 && touched > 20, "{outlasted} {finer} {touched} of {asked}");
 }

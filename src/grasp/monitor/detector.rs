@@ -28,8 +28,8 @@ pub(in crate::grasp) struct Detector {
     /// Not in all versions of the engine, nor for all kinds of contacts.
     direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
-    /// The last call has replaced the stage.
-    replaced: bool,
+    /// In the last call nothing could touch but what is looked at.
+    certified: bool,
 }
 
 impl Detector {
@@ -50,7 +50,7 @@ impl Detector {
             near: 0,
             direct,
             found: Vec::new(),
-            replaced: false,
+            certified: false,
         })
     }
 
@@ -66,7 +66,7 @@ impl Detector {
         }
     }
 
-    /// What [`slack`](Self::slack) should be after the next look, as far as it is so \[m\].
+    /// For [`outlasts`](Self::outlasts), see [`Clearance::want`].
     pub(in crate::grasp) fn want(&mut self, slack: f64) {
         if let Some((_, clearance)) = &mut self.direct {
             clearance.want(slack);
@@ -85,7 +85,7 @@ impl Detector {
         if self.origin != sim.model().origin() || !latched.eq(self.latched.iter().copied()) {
             *self = Self::new(sim, grasps.clone())?;
         }
-        self.replaced = false;
+        self.certified = false;
         let Some((collider, clearance)) = &mut self.direct else {
             return Ok(false);
         };
@@ -95,6 +95,7 @@ impl Detector {
             }
             return Ok(false);
         }
+        self.certified = true;
         collider.collide(sim, &mut self.found)?;
         let alike = collider.is_certain(sim, &self.found);
         if alike {
@@ -107,17 +108,13 @@ impl Detector {
                 }
             }
         }
-        self.replaced = alike;
         Ok(alike)
     }
 
-    /// How far any two bodies may move towards each other from the last step's poses on before anything can touch that was not
-    /// looked at \[m\]: zero if the engine's own stage was needed.
-    pub(in crate::grasp) fn slack(&self) -> f64 {
-        match &self.direct {
-            Some((_, clearance)) if self.replaced => clearance.slack(),
-            _ => 0.0,
-        }
+    /// Whether nothing that was not looked at in the last step can touch after what [`Clearance::outlasts`] is asked.
+    pub(in crate::grasp) fn outlasts(&self, way: f64, approach: impl Fn([usize; 2]) -> f64) -> bool {
+        let direct = self.direct.as_ref().filter(|_| self.certified);
+        direct.is_some_and(|(_, clearance)| clearance.outlasts(way, approach))
     }
 
     /// Finds the contacts of two more bodies directly from the next step on, if that can be.

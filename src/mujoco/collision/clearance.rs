@@ -86,14 +86,16 @@ impl Clearance {
     }
 
     /// From the next call on distances are measured again once less than `slack` may be left of them \[m\], so that
-    /// [`slack`](Self::slack) says no less where it need not.
+    /// [`outlasts`](Self::outlasts) says "no" only where it must.
     pub fn want(&mut self, slack: f64) {
         self.ledger.want(slack);
     }
 
-    /// After a "yes": how far any two bodies may still move towards each other before it has to be asked for again \[m\].
-    pub fn slack(&self) -> f64 {
-        self.ledger.slack()
+    /// After a "yes": whether it would be "yes" after any point of any body has come by `way` at the most, and two bodies
+    /// (their indices) nearer to each other by `approach` of them at the most \[m\]. The latter is only asked of bodies for
+    /// which twice `way` is too much.
+    pub fn outlasts(&self, way: f64, approach: impl Fn([usize; 2]) -> f64) -> bool {
+        self.ledger.outlasts(way, |parts| approach(parts.map(|part| self.proximity.parts[part].body)))
     }
 
     /// The geoms of the two bodies that may touch, if that is why the last call said "no": a collider that covers them too

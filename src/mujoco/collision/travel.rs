@@ -128,7 +128,7 @@ impl Ledger {
         }
     }
 
-    /// See [`slack`](Self::slack): it is to be more than `wanted`, as far as it is so \[m\].
+    /// For [`outlasts`](Self::outlasts): so much of every group's slack is to be left, as far as it is so \[m\].
     pub fn want(&mut self, wanted: f64) {
         self.wanted = wanted;
     }
@@ -167,16 +167,23 @@ impl Ledger {
         Ok(blocked.or_else(|| self.accounts_inside.first_blocked(sim, proximity, ways, (0.0, wanted))))
     }
 
-    /// What is left for two bodies to move towards each other before any group may have a contact \[m\].
-    pub fn slack(&self) -> f64 {
+    /// Whether no group can have a contact after any part has come by `way`, and two parts nearer to each other by
+    /// `approach` of them \[m\].
+    pub fn outlasts(&self, way: f64, approach: impl Fn([usize; 2]) -> f64) -> bool {
         let (inside, carried) = self.hand.as_ref().map_or((0.0, 0.0), |hand| (hand.travel, hand.way));
         let kinds = [
             (&self.accounts_outside, self.travel_outside, 0.0),
             (&self.accounts_across, self.travel_across + carried, carried),
             (&self.accounts_inside, inside, 0.0),
         ];
-        let of = |(accounts, travel, carried): (&Accounts, f64, f64)| accounts.slack(&self.ways, carried, travel);
-        kinds.into_iter().map(of).fold(f64::INFINITY, f64::min)
+        kinds.into_iter().all(|(accounts, travel, carried)| {
+            let near = accounts.all[..accounts.near].iter();
+            let left = |account: &Account| account.until - account.used(&self.ways) - carried;
+            let outlasts = |account: &Account| {
+                2.0 * way <= left(account) || approach(account.parts.map(|part| part as usize)) <= left(account)
+            };
+            2.0 * way <= accounts.far_until - travel && near.clone().all(outlasts)
+        })
     }
 
     /// Adds to all ways and travels; false if one is not a number.
@@ -285,11 +292,6 @@ impl Accounts {
             }
         }
         self.far_until = travel + least;
-    }
-
-    fn slack(&self, ways: &[f64], carried: f64, travel: f64) -> f64 {
-        let near = self.all[..self.near].iter().map(|account| account.until - account.used(ways) - carried);
-        near.fold(self.far_until - travel, f64::min)
     }
 
     /// The first near group that may have a contact.

@@ -1,6 +1,7 @@
 //! What `bench` tells.
 
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// The JSON object of `bench`.
 #[derive(Debug, Serialize)]
@@ -67,6 +68,10 @@ pub struct Timing {
     /// Steps that were made on frozen geometry.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substructured_steps: Option<u64>,
+    /// Why steps of which only the state was wanted were not, and how many, see
+    /// [`Grasps::whole_steps`](crate::grasp::Grasps::whole_steps).
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub whole_steps: BTreeMap<&'static str, u64>,
 }
 
 /// Ratios of medians.
