@@ -14,6 +14,7 @@
 use super::Grasps;
 use super::controller::Grasp;
 use super::error::Error;
+use super::hand::topology::Topology;
 use super::linalg::axpy;
 use super::monitor::phase::Phase;
 use crate::mujoco::{CompiledModel, JointKind, Simulation, Stamp};
@@ -22,8 +23,12 @@ use nalgebra::Vector3;
 /// Most frozen steps in a row.
 const MAX_STEPS: usize = 12;
 
-/// Angle by which anything may turn between two whole steps, unless it is set otherwise \[rad\].
+/// Angle by which a hand and its target may turn against the palm between two whole steps, unless it is set otherwise \[rad\].
 pub const TOLERANCE: f64 = 2e-3;
+
+/// What turns in the world, as arms that carry a grasp do, counts so much of what turns against the palm: no contact's
+/// lever arms change, only the directions of weight and inertia in the grasp's frame.
+const CARRIED: f64 = 0.2;
 
 /// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole
 /// steps only.
@@ -183,6 +188,8 @@ impl Grasps {
         let frozen = &mut self.frozen;
         frozen.slip += sim.model().timestep() * speed;
         let (angle, way) = frozen.motion(sim);
+        let held = self.list.iter().filter(|grasp| grasp.phase() == Phase::Grasped).map(Grasp::topology);
+        let angle = held.map(|hand| frozen.turn_in(hand)).fold(CARRIED * angle, f64::max);
         // written so that what is no number is an obstacle
         if !(angle < frozen.tolerance) {
             Some(Obstacle::Turned)
@@ -258,6 +265,15 @@ impl Frozen {
         self.stamp = None;
     }
 
+    /// The largest angle by which a part of a hand or its target has turned against the palm since then \[rad\]. After
+    /// [`motion`](Self::motion), for finite ones.
+    fn turn_in(&self, hand: &Topology) -> f64 {
+        let rotation = |dof: Option<usize>| dof.map_or_else(Vector3::zeros, |dof| self.motion[dof].0);
+        let palm = rotation(hand.leaf(hand.palm()));
+        let dofs = hand.fingers().iter().flatten().copied().map(Some);
+        dofs.chain([hand.leaf(hand.target())]).map(|dof| (rotation(dof) - palm).norm()).fold(0.0, f64::max)
+    }
+
     /// How far points of two bodies may have come nearer to each other since the last whole step, at the most \[m\]: what moves
     /// both does not count. After [`motion`](Self::motion).
     fn approach(&self, sim: &Simulation, bodies: [usize; 2]) -> f64 {
@@ -273,7 +289,7 @@ impl Frozen {
         both - 2.0 * way(a)
     }
 
-    /// The largest angle and the longest way of anything since the last whole step \[rad, m\].
+    /// The largest angle and the longest way of anything since the last whole step \[rad, m\]; infinite if one is no number.
     fn motion(&mut self, sim: &Simulation) -> (f64, f64) {
         let model = sim.model();
         if self.origin != Some(model.origin()) {
@@ -282,15 +298,18 @@ impl Frozen {
         }
         self.motion.clear();
         let mut largest = (0.0f64, 0.0f64);
+        let mut sum = 0.0; // the largest does not see what is no number
         for (dof, (&parent, axis)) in model.dof_parentid().iter().zip(sim.cdof().chunks_exact(6)).enumerate() {
             let parent = usize::try_from(parent).ok().map(|parent| self.motion[parent]);
             let (mut rotation, mut way) = parent.unwrap_or_default();
             rotation += Vector3::new(axis[0], axis[1], axis[2]) * self.travel[dof];
             way += self.travel[dof].abs() * self.reach[dof];
-            largest = (largest.0.max(rotation.norm()), largest.1.max(way));
+            let angle = rotation.norm();
+            largest = (largest.0.max(angle), largest.1.max(way));
+            sum += angle + way;
             self.motion.push((rotation, way));
         }
-        largest
+        if sum.is_finite() { largest } else { (f64::INFINITY, f64::INFINITY) }
     }
 }
 
@@ -365,7 +384,7 @@ mod tests {
         assert_eq!(frozen.approach(&sim, [a, nail]), 0.0);
         assert!(close(frozen.approach(&sim, [0, a]), way) || close(frozen.approach(&sim, [0, b]), way));
         frozen.travel[1] = f64::NAN;
-        frozen.motion(&sim);
+        assert_eq!(frozen.motion(&sim), (f64::INFINITY, f64::INFINITY));
         assert!(frozen.approach(&sim, [a, b]).is_nan());
     }
 }

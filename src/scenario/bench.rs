@@ -269,7 +269,16 @@ impl Load {
 
 impl Variant {
     fn new(sim: Simulation, grasps: Option<(Grasps, Grasps)>, name: Option<(String, bool)>) -> Self {
-        Self { sim, grasps, step_ns: Vec::new(), contact_ns: Vec::new(), unlatched: 0, frozen: 0, whole: BTreeMap::new(), name }
+        Self {
+            sim,
+            grasps,
+            step_ns: Vec::new(),
+            contact_ns: Vec::new(),
+            unlatched: 0,
+            frozen: 0,
+            whole: BTreeMap::new(),
+            name,
+        }
     }
 
     /// One call of so many steps.

@@ -351,8 +351,7 @@ fn what_outlasts_a_motion_touches_nothing_after_it() {
             .map(|body| {
                 let Ok(joint) = usize::try_from(sim.model().body_jntadr()[body]) else { return 0.0 };
                 let slow = 0.02 * 0.1f64.powi((body % 3) as i32);
-                let [shift, turn] =
-                    [(); 2].map(|()| slow * Vector3::new(random.next(), random.next(), random.next()));
+                let [shift, turn] = [(); 2].map(|()| slow * Vector3::new(random.next(), random.next(), random.next()));
                 let at = sim.model().jnt_qposadr()[joint] as usize;
                 let pose = &mut sim.qpos_mut()[at..at + 7];
                 pose[..3].iter_mut().zip(shift.iter()).for_each(|(x, shift)| *x += shift);

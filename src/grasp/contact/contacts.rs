@@ -8,15 +8,15 @@ use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg::Spatial;
 use crate::grasp::monitor::wrench::LoadedContact;
 use crate::mujoco::{BodyId, Cone, Contact, GeomId, Simulation};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 mod memory;
 mod motion;
 
 pub(in crate::grasp) use memory::{SavedContact, WarmStart};
 
-/// A contact that moves as far between two whole steps has jumped, as the one point that stands for a face may do in every step
-/// \[m\].
+/// A contact that moves as far between two whole steps, seen from the link and from the target, has jumped, as the one point that
+/// stands for a face may do in every step \[m\].
 const JUMP: f64 = 1e-4;
 
 /// One contact between a link of the hand and the target, with the force that it exerts.
@@ -68,6 +68,10 @@ pub struct GraspContact {
     warm_start: Option<WarmStart>,
     /// How far the same contact's normal has tilted (as a rotation) and its point has come since it was read last.
     displacement: Option<[Vector3<f64>; 2]>,
+    /// Its position in the frames of link and target \[m\].
+    anchors: [Vector3<f64>; 2],
+    /// How far it has come since it was read last, seen from that of the two from which it is less \[m\].
+    jump: Option<f64>,
 }
 
 impl GraspContact {
@@ -120,7 +124,7 @@ impl GraspContact {
 
     /// True if it is neither new nor has jumped.
     fn is_where_it_was(&self) -> bool {
-        self.displacement.is_some_and(|[_, way]| way.norm() < JUMP)
+        self.jump.is_some_and(|way| way < JUMP)
     }
 
     /// The same contact in the last step; `None` for a new contact.
@@ -233,6 +237,8 @@ impl GraspContact {
             slip_velocity: Vector3::zeros(),
             warm_start: None,
             displacement: None,
+            anchors: [link_id.index(), target].map(|body| in_body(sim, body, &contact.position)),
+            jump: None,
         })
     }
 }
@@ -242,6 +248,8 @@ impl GraspContact {
 pub struct ContactSet {
     now: Vec<GraspContact>,
     before: Vec<SavedContact>,
+    /// Of those of `before`, which a saved state has not.
+    anchors: Vec<[Vector3<f64>; 2]>,
     /// `before` was given, and no step has been made since.
     restored: bool,
     /// Readings since a contact came, went or jumped.
@@ -263,6 +271,8 @@ impl ContactSet {
         if !std::mem::take(&mut self.restored) {
             self.before.clear();
             self.before.extend(self.now.iter().map(SavedContact::of));
+            self.anchors.clear();
+            self.anchors.extend(self.now.iter().map(|contact| contact.anchors));
         }
         self.now.clear();
         for (index, contact) in detected.enumerate() {
@@ -271,10 +281,14 @@ impl ContactSet {
             }
             if let Some(mut contact) = GraspContact::read(&contact, index, sim, topology) {
                 contact.check_numbers(sim)?;
-                if let Some(before) = self.remembered(&contact) {
+                if let Some((index, before)) = self.remembered(&contact) {
                     contact.warm_start = Some(before.warm_start(&contact));
                     contact.displacement =
                         Some([before.normal.cross(&contact.axes[0]), contact.position - before.position]);
+                    contact.jump = self.anchors.get(index).map(|was| {
+                        let [from_link, from_target] = [0, 1].map(|side| (contact.anchors[side] - was[side]).norm());
+                        from_link.min(from_target)
+                    });
                 }
                 self.now.push(contact);
             }
@@ -285,10 +299,10 @@ impl ContactSet {
     }
 
     /// The nearest contact of the same two geoms in the last step.
-    fn remembered(&self, contact: &GraspContact) -> Option<&SavedContact> {
+    fn remembered(&self, contact: &GraspContact) -> Option<(usize, &SavedContact)> {
         let distance = |past: &SavedContact| (past.position - contact.position).norm_squared();
-        let alike = self.before.iter().filter(|c| c.geoms == contact.geoms);
-        alike.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        let alike = self.before.iter().enumerate().filter(|(_, past)| past.geoms == contact.geoms);
+        alike.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)))
     }
 
     /// What the next step remembers of the contacts, into `out`.
@@ -306,6 +320,7 @@ impl ContactSet {
         self.now.clear();
         self.before.clear();
         self.before.extend_from_slice(past);
+        self.anchors.clear();
         self.restored = true;
         self.kept = 0;
     }
@@ -332,10 +347,13 @@ impl ContactSet {
         }
     }
 
-    /// The fastest slip of the contacts whose friction is at its limit, from the bodies' present velocities \[m/s\].
+    /// The fastest slip of the contacts whose friction is at its limit, from the bodies' present velocities \[m/s\]; that of one
+    /// which carries less than the most loaded one counts as much less.
     pub(in crate::grasp) fn slip_speed(&self, dynamics: &Dynamics<'_>) -> f64 {
+        let load = |contact: &GraspContact| contact.force.norm();
+        let most = self.now.iter().map(load).fold(f64::MIN_POSITIVE, f64::max);
         let sliding = self.now.iter().filter(|contact| contact.is_sliding());
-        sliding.map(|contact| contact.slip(dynamics).norm()).fold(0.0, f64::max)
+        sliding.map(|contact| contact.slip(dynamics).norm() * load(contact) / most).fold(0.0, f64::max)
     }
 
     /// The contacts of this step.
@@ -352,6 +370,13 @@ impl ContactSet {
     pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
         self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
     }
+}
+
+/// A point of the world in the frame of a body.
+fn in_body(sim: &Simulation, body: usize, point: &Vector3<f64>) -> Vector3<f64> {
+    let origin = Vector3::from_column_slice(&sim.xpos()[3 * body..3 * body + 3]);
+    // by columns: the transpose of what MuJoCo keeps by rows
+    Matrix3::from_column_slice(&sim.xmat()[9 * body..9 * body + 9]) * (point - origin)
 }
 
 fn spatial(rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Spatial {

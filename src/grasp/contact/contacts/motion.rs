@@ -91,7 +91,7 @@ impl GraspContact {
 
     /// Tangential velocity of the target relative to the link, from the bodies' present velocities \[m/s\].
     pub(super) fn slip(&self, dynamics: &Dynamics<'_>) -> Vector3<f64> {
-        let [_, velocity] = self.relative_velocity(dynamics);
+        let [_, velocity] = self.velocity(dynamics);
         let n = &self.axes[0];
         velocity - n * n.dot(&velocity)
     }
