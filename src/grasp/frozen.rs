@@ -26,8 +26,9 @@ const MAX_STEPS: usize = 12;
 /// Angle by which a hand and its target may turn against the palm between two whole steps, unless it is set otherwise \[rad\].
 pub const TOLERANCE: f64 = 2e-3;
 
-/// What turns in the world, as arms that carry a grasp do, counts so much of what turns against the palm: no contact's
-/// lever arms change, only the directions of weight and inertia in the grasp's frame.
+/// What turns in the world, as an arm that carries a grasp does, counts so much of what turns against the palm: no contact's
+/// lever arms change, only the directions of weight and inertia in the grasp's frame. Not so where several grasps are latched:
+/// hands that hold one target press on each other through their arms.
 const CARRIED: f64 = 0.2;
 
 /// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole
@@ -188,8 +189,11 @@ impl Grasps {
         let frozen = &mut self.frozen;
         frozen.slip += sim.model().timestep() * speed;
         let (angle, way) = frozen.motion(sim);
-        let held = self.list.iter().filter(|grasp| grasp.phase() == Phase::Grasped).map(Grasp::topology);
-        let angle = held.map(|hand| frozen.turn_in(hand)).fold(CARRIED * angle, f64::max);
+        let mut held = self.list.iter().filter(|grasp| grasp.phase() == Phase::Grasped).map(Grasp::topology);
+        let angle = match (held.next(), held.next()) {
+            (Some(hand), None) => frozen.turn_in(hand).max(CARRIED * angle),
+            _ => angle,
+        };
         // written so that what is no number is an obstacle
         if !(angle < frozen.tolerance) {
             Some(Obstacle::Turned)

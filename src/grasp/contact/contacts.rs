@@ -347,13 +347,10 @@ impl ContactSet {
         }
     }
 
-    /// The fastest slip of the contacts whose friction is at its limit, from the bodies' present velocities \[m/s\]; that of one
-    /// which carries less than the most loaded one counts as much less.
+    /// The fastest slip of the contacts whose friction is at its limit, from the bodies' present velocities \[m/s\].
     pub(in crate::grasp) fn slip_speed(&self, dynamics: &Dynamics<'_>) -> f64 {
-        let load = |contact: &GraspContact| contact.force.norm();
-        let most = self.now.iter().map(load).fold(f64::MIN_POSITIVE, f64::max);
         let sliding = self.now.iter().filter(|contact| contact.is_sliding());
-        sliding.map(|contact| contact.slip(dynamics).norm() * load(contact) / most).fold(0.0, f64::max)
+        sliding.map(|contact| contact.slip(dynamics).norm()).fold(0.0, f64::max)
     }
 
     /// The contacts of this step.
