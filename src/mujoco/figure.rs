@@ -45,6 +45,7 @@ impl Figure {
         };
         write(&mut raw.title, title);
         write(&mut raw.xlabel, x_axis);
+        write(&mut raw.xformat, "%.1f");
         raw.flg_legend = 1;
         raw.flg_ticklabel = [1, 1];
         raw.flg_extend = 1;

@@ -26,6 +26,8 @@ pub struct Drawing {
     pub transparent: bool,
     /// Leave out the model's sites.
     pub hide_sites: bool,
+    /// Leave out shadows and reflections, which take half of the time where drawing is done in software.
+    pub plain: bool,
     /// Drawn in addition.
     pub arrows: Vec<Arrow>,
     /// Drawn in addition.

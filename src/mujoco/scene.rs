@@ -101,6 +101,9 @@ impl Scene {
             // is null or of a body of this model.
             unsafe { ffi::mjv_updateScene(m, d, &options, pull, &mut camera, all, raw) }
         })?;
+        for effect in [ffi::mjRND_SHADOW, ffi::mjRND_REFLECTION] {
+            self.raw.flags[effect as usize] = u8::from(!drawing.plain) as _;
+        }
         self.check_room(0)?;
         drawing.tints.iter().try_for_each(|tint| self.tint(tint))?;
         self.check_room(drawing.arrows.len() + drawing.segments.len())?;

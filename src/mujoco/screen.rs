@@ -59,6 +59,11 @@ impl Screen {
         self.context.window()
     }
 
+    /// Whether drawing is done in software, and slow.
+    pub fn is_software(&self) -> bool {
+        self.context.is_software()
+    }
+
     /// What was drawn last.
     pub fn scene(&self) -> &Scene {
         &self.scene

@@ -16,6 +16,7 @@ pub(super) enum Command {
     Tint,
     Bars,
     Plot,
+    Shadows,
     Home,
     Picture,
     Keys,
@@ -23,7 +24,7 @@ pub(super) enum Command {
 }
 
 /// Keys and mouse, and what they do: for the screen and the documentation.
-pub const KEYS: [(&str, &str); 22] = [
+pub const KEYS: [(&str, &str); 23] = [
     ("Space", "pause, go on"),
     ("Right", "one step, paused"),
     ("-  =", "slower, faster"),
@@ -34,6 +35,7 @@ pub const KEYS: [(&str, &str); 22] = [
     ("T", "tint of the grasp"),
     ("B", "friction over limits"),
     ("G", "quality and phase"),
+    ("S", "shadows"),
     ("Esc", "camera as at first"),
     ("P", "save a picture"),
     ("F1", "these keys"),
@@ -65,6 +67,7 @@ pub(super) fn command(key: &Key) -> Option<Command> {
             "t" => Command::Tint,
             "b" => Command::Bars,
             "g" => Command::Plot,
+            "s" => Command::Shadows,
             "p" => Command::Picture,
             "q" => Command::Quit,
             _ => return None,

@@ -8,6 +8,7 @@ use image::ImageFormat;
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::error::EventLoopError;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
 
@@ -75,13 +76,25 @@ pub fn show(plan: &Plan, replay: Option<Recording>, ended: &mut Option<Summary>)
 }
 
 fn run(app: &mut App) -> Result<(), Error> {
-    let events = EventLoop::new().map_err(|e| no_window(&format!("there is no display: {e}")))?;
+    let events = EventLoop::new().map_err(|e| no_window(&no_display(&e)))?;
     let ran = events.run_app(app);
     // before the display is closed
     app.screen = None;
     match app.failed.take() {
         Some(error) => Err(error),
         None => ran.map_err(|e| no_window(&format!("the window system failed: {e}")).into()),
+    }
+}
+
+/// What is wrong with the display; of winit's text the end, which says why, without the path of its source.
+fn no_display(error: &EventLoopError) -> String {
+    match std::env::var("DISPLAY").ok().filter(|display| !display.is_empty()) {
+        None => "DISPLAY is not set".to_owned(),
+        Some(display) => {
+            let text = error.to_string();
+            let why = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": ")).map_or(&*text, |(_, why)| why);
+            format!("the X server of DISPLAY={display} cannot be used: {why}")
+        }
     }
 }
 
@@ -103,6 +116,7 @@ struct App {
     replay: Option<Recording>,
     same_as_replayed: Option<bool>,
     wants_picture: bool,
+    title: String,
     failed: Option<Error>,
     frames: u64,
     first: Option<Instant>,
@@ -134,6 +148,7 @@ impl App {
             replay,
             same_as_replayed: None,
             wants_picture: false,
+            title: String::new(),
             failed: None,
             frames: 0,
             first: None,
@@ -212,19 +227,21 @@ impl App {
         true
     }
 
+    fn title(&self) -> String {
+        let paused = if self.pace.paused { ", paused" } else { "" };
+        format!("mujoco-grasp view {}{paused}", self.session.plan().name)
+    }
+
     fn draw(&mut self) -> Result<(), Error> {
         let Some(screen) = &mut self.screen else { return Ok(()) };
         let (session, shown) = (&self.session, self.shown);
-        let mut drawing = Drawing { hide_sites: true, ..Drawing::default() };
+        let mut drawing = Drawing { hide_sites: true, plain: !shown.shadows, ..Drawing::default() };
         if self.gaze.perturb.body().is_some() {
             drawing.perturb = Some(self.gaze.perturb.clone());
         }
-        drawing.transparent = shown.contacts || shown.forces;
         for (index, grasp) in session.grasps().iter().enumerate() {
             contacts::add(session.sim(), grasp, (shown.contacts, shown.forces), &mut drawing);
-            if shown.tint {
-                tint::add(index, grasp, &mut drawing);
-            }
+            tint::add(index, grasp, shown, &mut drawing);
         }
         screen.draw(&self.poses, self.gaze.camera, &drawing)?;
         status::draw(screen, session, &self.pace, &self.gaze.perturb, &self.note)?;
@@ -248,7 +265,13 @@ impl App {
                 Err(e) => format!("{}: cannot be written: {e}", path.display()),
             };
         }
-        Ok(screen.present()?)
+        screen.present()?;
+        let title = self.title();
+        if title != self.title && let Some(screen) = &self.screen {
+            screen.window().set_title(&title);
+            self.title = title;
+        }
+        Ok(())
     }
 
     fn press(&mut self, key: &KeyEvent, events: &ActiveEventLoop) -> Result<(), Error> {
@@ -265,6 +288,7 @@ impl App {
             Command::Tint => &mut shown.tint,
             Command::Bars => &mut shown.bars,
             Command::Plot => &mut shown.plot,
+            Command::Shadows => &mut shown.shadows,
             Command::Keys => &mut shown.keys,
             Command::Pause => &mut self.pace.paused,
             other => return self.obey(other, events),
@@ -347,10 +371,12 @@ impl ApplicationHandler for App {
         if self.screen.is_some() {
             return;
         }
-        let title = format!("mujoco-grasp view {}", self.session.plan().name);
-        let window = Window::default_attributes().with_title(title).with_inner_size(SIZE);
+        let window = Window::default_attributes().with_title(self.title()).with_inner_size(SIZE);
         match Screen::open(self.poses.model(), events, window) {
-            Ok(screen) => self.screen = Some(screen),
+            Ok(screen) => {
+                self.shown.shadows = !screen.is_software();
+                self.screen = Some(screen);
+            }
             Err(error) => self.fail(error.into(), events),
         }
     }

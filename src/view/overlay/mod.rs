@@ -6,7 +6,7 @@ pub(super) mod history;
 pub(super) mod status;
 pub(super) mod tint;
 
-/// What is on; all of it at first.
+/// What is on; all of it at first, but shadows where drawing is done in software.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {
     pub contacts: bool,
@@ -14,12 +14,13 @@ pub(super) struct Shown {
     pub tint: bool,
     pub bars: bool,
     pub plot: bool,
+    pub shadows: bool,
     pub keys: bool,
 }
 
 impl Default for Shown {
     fn default() -> Self {
-        Self { contacts: true, forces: true, tint: true, bars: true, plot: true, keys: true }
+        Self { contacts: true, forces: true, tint: true, bars: true, plot: true, shadows: true, keys: true }
     }
 }
 
