@@ -72,6 +72,8 @@ pub use compat::MassFactor;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};
+#[cfg(feature = "view")]
+pub use figure::{Figure, Line};
 pub use ids::{
     ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId, SiteId, TendonId,
 };
@@ -80,8 +82,6 @@ pub use kinds::{
     Cone, EqualityKind, GeomKind, Integrator, JacobianStorage, JointKind, RowKind, RowState, Solver, TransmissionKind,
     WrapKind,
 };
-#[cfg(feature = "view")]
-pub use figure::{Figure, Line};
 pub use model::Model;
 #[cfg(feature = "render")]
 pub use perturb::{Drag, Perturb, Pull};

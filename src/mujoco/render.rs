@@ -34,7 +34,7 @@ pub struct Drawing {
     pub segments: Vec<Segment>,
     /// Bodies in other colours than their own.
     pub tints: Vec<Tint>,
-    /// The selected body and what pulls at it, as the engine shows them.
+    /// The selected body if there is one, and all applied wrenches, as the engine shows them.
     pub perturb: Option<Perturb>,
 }
 

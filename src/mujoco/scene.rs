@@ -2,16 +2,16 @@
 
 use super::arrow::Arrow;
 use super::camera::Camera;
+use super::compat;
 use super::compiled::CompiledModel;
 use super::error::{Error, check_index, check_value};
 use super::ffi;
 use super::guard;
 use super::ids::{BodyId, Id};
 use super::perturb::Perturb;
+use super::render::{Drawing, Tint};
 use super::segment::Segment;
 use super::simulation::Simulation;
-use super::compat;
-use super::render::{Drawing, Tint};
 use nalgebra::Vector3;
 
 /// Geoms that decorations (contacts, forces, arrows) may add to the model's own.

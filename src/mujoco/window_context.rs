@@ -34,8 +34,9 @@ impl WindowContext {
     /// Opens a window, and makes its context current. It has [`SAMPLES`] samples for each pixel, and one where drawing is done
     /// in software, which takes three times as long with four.
     pub fn open(events: &ActiveEventLoop, window: WindowAttributes) -> Result<Self, Error> {
-        let opened = Self::open_with(events, window.clone(), SAMPLES)?;
+        let opened = Self::open_with(events, window.clone().with_visible(false), SAMPLES)?;
         if !opened.software {
+            opened.window.set_visible(true);
             return Ok(opened);
         }
         drop(opened);

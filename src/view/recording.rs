@@ -56,7 +56,9 @@ impl Recording {
         }
         if let Some(pair) = recording.events.windows(2).find(|pair| pair[0].step > pair[1].step) {
             let (first, second) = (pair[0].step, pair[1].step);
-            return Err(wrong(format!("has an event of step {first} before one of step {second}; they must be in order")));
+            return Err(wrong(format!(
+                "has an event of step {first} before one of step {second}; they must be in order"
+            )));
         }
         Ok(recording)
     }

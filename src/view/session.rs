@@ -75,7 +75,7 @@ impl Session {
         match &action {
             Action::Push { body, force, torque } => {
                 let body = body_named(self.runner.sim().model(), body)?;
-                for value in force.iter().chain(torque).filter(|v| !v.is_finite()) {
+                if let Some(value) = force.iter().chain(torque).find(|v| !v.is_finite()) {
                     let (what, rule) = ("a push of the session", "finite");
                     return Err(crate::mujoco::Error::Value { what, value: *value, rule }.into());
                 }

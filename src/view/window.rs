@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use image::ImageFormat;
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::error::EventLoopError;
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
 
@@ -92,7 +92,8 @@ fn no_display(error: &EventLoopError) -> String {
         None => "DISPLAY is not set".to_owned(),
         Some(display) => {
             let text = error.to_string();
-            let why = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": ")).map_or(&*text, |(_, why)| why);
+            let why =
+                text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": ")).map_or(&*text, |(_, why)| why);
             format!("the X server of DISPLAY={display} cannot be used: {why}")
         }
     }
@@ -235,10 +236,9 @@ impl App {
     fn draw(&mut self) -> Result<(), Error> {
         let Some(screen) = &mut self.screen else { return Ok(()) };
         let (session, shown) = (&self.session, self.shown);
-        let mut drawing = Drawing { hide_sites: true, plain: !shown.shadows, ..Drawing::default() };
-        if self.gaze.perturb.body().is_some() {
-            drawing.perturb = Some(self.gaze.perturb.clone());
-        }
+        // also where nothing is selected: what pushes in a replay is seen
+        let perturb = Some(self.gaze.perturb.clone());
+        let mut drawing = Drawing { hide_sites: true, plain: !shown.shadows, perturb, ..Drawing::default() };
         for (index, grasp) in session.grasps().iter().enumerate() {
             contacts::add(session.sim(), grasp, (shown.contacts, shown.forces), &mut drawing);
             tint::add(index, grasp, shown, &mut drawing);
@@ -257,9 +257,8 @@ impl App {
         if std::mem::take(&mut self.wants_picture) {
             let path = PathBuf::from(format!("{}-{}.png", session.plan().name, session.steps()));
             let picture = screen.picture()?;
-            let saved = write_whole(&path, |file| {
-                picture.write_to(file, ImageFormat::Png).map_err(std::io::Error::other)
-            });
+            let saved =
+                write_whole(&path, |file| picture.write_to(file, ImageFormat::Png).map_err(std::io::Error::other));
             self.note = match saved {
                 Ok(()) => format!("saved {}", path.display()),
                 Err(e) => format!("{}: cannot be written: {e}", path.display()),
@@ -267,7 +266,9 @@ impl App {
         }
         screen.present()?;
         let title = self.title();
-        if title != self.title && let Some(screen) = &self.screen {
+        if title != self.title
+            && let Some(screen) = &self.screen
+        {
             screen.window().set_title(&title);
             self.title = title;
         }

@@ -32,8 +32,9 @@ impl Display {
     /// Calls xdotool; what it prints.
     pub fn xdotool(&self, args: &[&str]) -> String {
         let called = Command::new("xdotool").args(args).env("DISPLAY", &self.name).output();
-        let output = called
-            .unwrap_or_else(|e| panic!("xdotool does not start ({e}): scripts/setup installs it (apt install xdotool)"));
+        let output = called.unwrap_or_else(|e| {
+            panic!("xdotool does not start ({e}): scripts/setup installs it (apt install xdotool)")
+        });
         String::from_utf8(output.stdout).expect("text").trim().to_owned()
     }
 

@@ -13,11 +13,11 @@ const THICKNESS: f64 = 0.01;
 const DISC: f64 = 0.09;
 const SHAFT: f64 = 0.025;
 
-/// Adds the contacts of a grasp: discs and cones, and forces. The scale is such that a force of `latch_quality` is as long
-/// as the target's radius.
+/// Adds the contacts of a grasp: discs and cones, and forces. The scale is such that a force like the target's weight is as
+/// long as the target's radius.
 pub fn add(sim: &Simulation, grasp: &Grasp, (contacts, forces): (bool, bool), drawing: &mut Drawing) {
     let radius = radius(sim, grasp);
-    let scale = radius / grasp.latch_quality();
+    let scale = radius / weight(sim, grasp);
     let cone = sim.model().cone();
     for contact in grasp.contacts() {
         let share = contact.friction_share(cone).unwrap_or(0.0);
@@ -57,6 +57,11 @@ fn net(contact: &GraspContact, cone: Cone, scale: f64, rgba: [f32; 4], drawing: 
             drawing.segments.push(Segment::line(contact.position, *point, rgba));
         }
     }
+}
+
+/// Of the target on earth, whatever the model's gravity is \[N\].
+fn weight(sim: &Simulation, grasp: &Grasp) -> f64 {
+    (9.81 * sim.model().body_subtreemass()[grasp.target().index()]).max(1e-6)
 }
 
 /// Of the largest sphere about a geom of the target \[m\].

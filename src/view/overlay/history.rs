@@ -65,7 +65,11 @@ impl History {
             };
             let number = if grasps.len() > 1 { format!(" {index}") } else { String::new() };
             let [r, g, b] = colour(index);
-            lines.push((format!("Q{number}"), [1.0, 1.0 - 0.4 * index as f32 % 1.0, 0.4], curve(&|(quality, _)| quality)));
+            lines.push((
+                format!("Q{number}"),
+                [1.0, 1.0 - 0.4 * index as f32 % 1.0, 0.4],
+                curve(&|(quality, _)| quality),
+            ));
             lines.push((format!("Q_Th{number}"), [0.7, 0.7, 0.7], curve(&|_| threshold)));
             lines.push((format!("latched{number}"), [r, g, b], curve(&|(_, latched)| threshold * f64::from(latched))));
         }

@@ -58,6 +58,7 @@ fn lines(text: &str) -> Vec<String> {
 
 /// The list of keys, at the left.
 pub fn draw_keys(screen: &Screen) -> Result<(), Error> {
-    let column = |side: fn(&(&'static str, &'static str)) -> &'static str| KEYS.iter().map(side).collect::<Vec<_>>().join("\n");
+    let column =
+        |side: fn(&(&'static str, &'static str)) -> &'static str| KEYS.iter().map(side).collect::<Vec<_>>().join("\n");
     screen.text(Corner::TopLeft, &column(|row| row.0), &column(|row| row.1))
 }
