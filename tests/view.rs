@@ -496,9 +496,10 @@ fn recordings_that_cannot_be_replayed_are_bad_input() {
         (write("digest.json", &format!(r#"{head}, "events": [], "digest": "xyz"}}"#)), "hexadecimal"),
     ];
     for (file, what) in cases {
-        let (status, stdout, stderr) = call_without_display(&["view", &data("claw.toml"), "--replay", &file], None);
-        assert_eq!((status, stdout.as_str()), (Some(2), ""), "{stderr}");
-        assert!(stderr.contains(what) && stderr.contains(&file), "{what}: {stderr}");
+        let called = call_in(folder.path(), &["view", &data("claw.toml"), "--replay", &file, "--json"]);
+        assert_eq!(called.status, 2, "{}", called.stderr);
+        assert!(called.stderr.contains(what) && called.stderr.contains(&file), "{what}: {}", called.stderr);
+        assert!(called.json()["error"].as_str().is_some_and(|error| error.contains(what)));
     }
 }
 

@@ -18,7 +18,6 @@ pub struct Called {
 impl Called {
     /// The one JSON object on standard output.
     #[track_caller]
-    #[allow(dead_code)] // Not every test file reads one.
     pub fn json(&self) -> Value {
         let mut objects = serde_json::Deserializer::from_str(&self.stdout).into_iter::<Value>();
         let first = objects.next().expect("standard output is empty").expect("standard output is no JSON");
