@@ -4,7 +4,7 @@ mod cli_common;
 #[path = "view_support/display.rs"]
 mod display;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -555,17 +555,22 @@ fn a_session_with_the_mouse_is_its_recording_bit_for_bit_without_a_window_and_in
     let display = Display::start();
     let window = open(&display, folder.path(), &["--record", file.to_str().unwrap()]);
     display.window("view claw$");
-    // it has focus once it pauses
-    wait("a pause", || {
-        display.xdotool(&["key", "space"]);
-        std::thread::sleep(Duration::from_millis(500));
-        !display.xdotool(&["search", "--name", "view claw, paused"]).is_empty()
-    });
-    // a picture, with the lists of keys and without
     let pictures = || {
         let found = std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().path());
         found.filter(|p| p.extension().is_some_and(|e| e == "png")).collect::<Vec<_>>()
     };
+    // of the name of the last picture
+    let steps = || {
+        display.xdotool(&["key", "p"]);
+        std::thread::sleep(Duration::from_millis(300));
+        let number = |p: PathBuf| p.file_stem()?.to_str()?.rsplit('-').next()?.parse::<u64>().ok();
+        pictures().into_iter().filter_map(number).max().unwrap_or(0)
+    };
+    wait("the latch", || steps() > LATCHED);
+    display.xdotool(&["key", "space"]);
+    display.window("view claw, paused");
+    // a picture with the list of keys and one without
+    pictures().into_iter().for_each(|p| std::fs::remove_file(p).unwrap());
     display.xdotool(&["key", "p"]);
     wait("a picture", || !pictures().is_empty());
     let first = image::open(&pictures()[0]).unwrap().to_rgb8();
@@ -588,14 +593,7 @@ fn a_session_with_the_mouse_is_its_recording_bit_for_bit_without_a_window_and_in
     let (x, y) = place_of_ball(first.dimensions());
     display.xdotool(&["mousemove", &x.to_string(), &y.to_string(), "click", "--repeat", "2", "--delay", "50", "1"]);
     display.xdotool(&["keydown", "ctrl", "mousedown", "3", "mousemove_relative", "90", "20"]);
-    display.xdotool(&["key", "--clearmodifiers", "space"]);
-    let steps = || {
-        // of the last picture's name
-        display.xdotool(&["key", "--clearmodifiers", "p"]);
-        std::thread::sleep(Duration::from_millis(300));
-        let number = |p: std::path::PathBuf| p.file_stem()?.to_str()?.rsplit('-').next()?.parse::<u64>().ok();
-        pictures().into_iter().filter_map(number).max().unwrap_or(0)
-    };
+    display.xdotool(&["key", "space"]);
     let begun = steps();
     wait("some steps", || steps() > begun + 100);
     display.xdotool(&["mouseup", "3", "keyup", "ctrl", "key", "m"]);
