@@ -164,7 +164,6 @@ impl Drawing {
             (ffi::mjVIS_CONTACTFORCE, self.contact_forces),
             (ffi::mjVIS_TRANSPARENT, self.transparent),
             (ffi::mjVIS_PERTFORCE, self.perturb.is_some()),
-            (ffi::mjVIS_SELECT, self.perturb.is_some()),
             // 2.2.2 would take a contact that the grasp excluded for a distance constraint, and read past its arrays.
             (ffi::mjVIS_CONSTRAINT, false),
         ] {

@@ -8,6 +8,10 @@ use crate::mujoco::{Error, Figure, Line, Rect, Screen};
 
 /// Length of the plot \[s\].
 const WINDOW: f64 = 6.0;
+/// Room for the legend, in parts of the length.
+const LEGEND: f64 = 0.3;
+/// Where the phase of a latched grasp is drawn, in parts of its threshold.
+const LATCHED: f64 = 1.2;
 
 /// What was.
 pub struct History {
@@ -50,7 +54,7 @@ impl History {
     }
 
     /// Draws the plot in the lower left corner: for each grasp its quality, the threshold at which it latches, and its
-    /// phase, which is at the threshold while it is latched and else at zero.
+    /// phase, which is above the threshold while it is latched and else at zero.
     pub fn draw(&mut self, screen: &Screen, grasps: &Grasps) -> Result<(), Error> {
         let (width, height) = screen.size();
         let (width, height) = ((width / 3).clamp(1, 460), (height / 3).clamp(1, 260));
@@ -71,12 +75,14 @@ impl History {
                 curve(&|(quality, _)| quality),
             ));
             lines.push((format!("Q_Th{number}"), [0.7, 0.7, 0.7], curve(&|_| threshold)));
-            lines.push((format!("latched{number}"), [r, g, b], curve(&|(_, latched)| threshold * f64::from(latched))));
+            lines.push((format!("latched{number}"), [r, g, b], curve(&|(_, latched)| LATCHED * threshold * f64::from(latched))));
         }
         let lines: Vec<Line<'_>> = lines.iter().map(|(name, rgb, points)| Line { name, rgb: *rgb, points }).collect();
         let end = self.points.back().map_or(0.0, |p| p.time);
         let start = self.points.front().map_or(0.0, |p| p.time);
-        self.figure.set(&lines, [start as f32, (end.max(start + 1e-3)) as f32], top as f32);
+        // the legend is at the right
+        let right = end + LEGEND * (end - start).max(1e-3);
+        self.figure.set(&lines, [start as f32, right as f32], top as f32);
         screen.figure(Rect { left: 0, bottom: 0, width, height }, &mut self.figure)
     }
 }
