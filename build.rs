@@ -25,6 +25,7 @@ const DOCUMENTED: &str = "docs/mujoco-2.2.2.rs";
 /// the headers that tells, and other names without which the code does if need be.
 const FEATURES: &[(&str, &str, &[&str])] = &[
     ("mj_adhesion", "geom_adhesion", &["pair_adhesion"]),
+    ("mj_abstract_camera", "mjMOUSE_TURN_V", &[]),
     ("mj_actuator_outputs", "actuator_outadr", &["nactuator", "nout"]),
     ("mj_delays", "nhistory", &[]),
     ("mj_efc_diag_a", "efc_diagA", &["efc_diagApprox"]),

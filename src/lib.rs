@@ -40,6 +40,7 @@
 //! | [`kinematics`] | fingertips to goals, by damped least squares |
 //! | [`scenario`] | scenario files, runs in both modes, what became of the object, benches |
 //! | [`report`] | plots, strips of frames, tables |
+//! | [`view`] | an interactive window, and what was done in it, recorded and replayed |
 //!
 //! # Example
 //!
@@ -108,6 +109,8 @@ pub mod mujoco;
 pub mod report;
 #[cfg(feature = "scenario")]
 pub mod scenario;
+#[cfg(feature = "view")]
+pub mod view;
 #[cfg(any(feature = "report", feature = "scenario"))]
 mod whole_file;
 

@@ -55,19 +55,22 @@ impl Arrow {
     /// Fills a geom of the scene. To be called under the guard.
     pub(super) fn write(&self, geom: &mut ffi::mjvGeom) {
         // The renderer draws an arrow half as long as its geom says.
-        let (from, to) = (self.from, self.from + 2.0 * self.vector);
-        let none = std::ptr::null();
-        let arrow = ffi::mjGEOM_ARROW as i32;
-        // SAFETY: the geom is exclusive; null stands for the engine's defaults; the colour has four numbers.
-        unsafe {
-            ffi::mjv_initGeom(geom, arrow, none, none, none, self.rgba.as_ptr());
-            compat::connect(geom, arrow, self.width, from, to);
-        }
-        geom.category = ffi::mjCAT_DECOR as i32;
-        geom.objtype = ffi::mjOBJ_UNKNOWN as i32;
-        geom.objid = -1;
-        geom.segid = -1;
-        // Forces are to be read, not lit.
-        geom.emission = 0.5;
+        connect(geom, ffi::mjGEOM_ARROW, self.width, [self.from, self.from + 2.0 * self.vector], &self.rgba);
     }
+}
+
+/// Makes a geom of the scene reach from one point to another. To be called under the guard.
+pub(super) fn connect(geom: &mut ffi::mjvGeom, kind: u32, width: f64, ends: [Vector3<f64>; 2], rgba: &[f32; 4]) {
+    let (none, kind, [from, to]) = (std::ptr::null(), kind as i32, ends);
+    // SAFETY: the geom is exclusive; null stands for the engine's defaults; the colour has four numbers.
+    unsafe {
+        ffi::mjv_initGeom(geom, kind, none, none, none, rgba.as_ptr());
+        compat::connect(geom, kind, width, from, to);
+    }
+    geom.category = ffi::mjCAT_DECOR as i32;
+    geom.objtype = ffi::mjOBJ_UNKNOWN as i32;
+    geom.objid = -1;
+    geom.segid = -1;
+    // Forces are to be read, not lit.
+    geom.emission = 0.5;
 }

@@ -5,7 +5,10 @@ use nalgebra::Vector3;
 use super::compiled::CompiledModel;
 use super::error::{Error, check_index, check_value};
 use super::ids::{BodyId, CameraId, Id};
+use super::perturb::Drag;
+use super::scene::Scene;
 use super::simulation::Simulation;
+use super::{compat, ffi, guard};
 
 /// Where a picture is taken from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +38,14 @@ impl Camera {
     /// [`Error::UnknownName`], which lists close names.
     pub fn named(model: &CompiledModel, name: &str) -> Result<Self, Error> {
         model.camera(name).map(Self::Fixed)
+    }
+
+    /// The model's own camera named `grasp`; without one as [`on_grasp`](Self::on_grasp).
+    ///
+    /// # Errors
+    /// As [`on_grasp`](Self::on_grasp).
+    pub fn for_grasp(sim: &Simulation, palm: BodyId, target: BodyId) -> Result<Self, Error> {
+        Self::named(sim.model(), "grasp").or_else(|_| Self::on_grasp(sim, palm, target))
     }
 
     /// Looks at a point (world frame, m) from `distance` \[m\]; for the angles see [`Camera::Free`].
@@ -70,6 +81,75 @@ impl Camera {
             azimuth_deg: forward.y.atan2(forward.x).to_degrees(),
             elevation_deg: forward.z.clamp(-1.0, 1.0).asin().to_degrees(),
         })
+    }
+
+    /// A free camera that sees what a camera of the model sees, upright, with the point (world frame, m) at the same size in
+    /// the picture; one that is free already stays as it is. Needs the current positions.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a camera that does not exist.
+    pub fn freed(self, sim: &Simulation, point: Vector3<f64>) -> Result<Self, Error> {
+        let Self::Fixed(id) = self else { return Ok(self) };
+        check_index(CameraId::KIND, id.index(), sim.model().ncam())?;
+        let position = Vector3::from_column_slice(&sim.cam_xpos()[3 * id.index()..3 * id.index() + 3]);
+        let axes = &sim.cam_xmat()[9 * id.index()..9 * id.index() + 9];
+        // A camera looks along its own -z.
+        let forward = -Vector3::new(axes[2], axes[5], axes[8]);
+        let depth = (point - position).dot(&forward).max(0.01);
+        let half = |degrees: f64| (0.5 * degrees.clamp(1.0, 170.0)).to_radians().tan();
+        let own = half(sim.model().cam_fovy()[id.index()]);
+        let free = half(f64::from(sim.model_fields().vis.global.fovy));
+        Ok(Self::Free {
+            lookat: position + depth * forward,
+            distance: depth * own / free,
+            azimuth_deg: forward.y.atan2(forward.x).to_degrees(),
+            elevation_deg: forward.z.clamp(-1.0, 1.0).asin().to_degrees(),
+        })
+    }
+
+    /// The camera after a movement of the mouse, by parts of the picture's height, `y` downward, as in MuJoCo's `simulate`;
+    /// a camera of the model stays where it is. `scene` has been [updated](Scene::update) with this camera.
+    ///
+    /// # Errors
+    /// As [`Scene::update`] for bad numbers; [`Error::Engine`].
+    pub fn moved(self, drag: Drag, x: f64, y: f64, scene: &Scene) -> Result<Self, Error> {
+        let Self::Free { .. } = self else { return Ok(self) };
+        self.check(scene.model())?;
+        for value in [x, y] {
+            check_value("a movement of the mouse", value, "finite", |_| true)?;
+        }
+        let mut camera = self.engine();
+        let m = scene.model().as_ptr();
+        guard::call("mjv_moveCamera", || {
+            // SAFETY: the model is valid, and the scene is one of it.
+            unsafe { compat::move_camera(m, drag.action(), [x, y], scene.raw(), &mut camera) }
+        })?;
+        let lookat = camera.lookat.into();
+        let (distance, azimuth_deg, elevation_deg) = (camera.distance, camera.azimuth, camera.elevation);
+        Ok(Self::Free { lookat, distance, azimuth_deg, elevation_deg })
+    }
+
+    pub(super) fn engine(self) -> ffi::mjvCamera {
+        // SAFETY: a plain C structure of numbers; the call writes all of it and cannot fault.
+        let mut engine = unsafe {
+            let mut engine: ffi::mjvCamera = std::mem::zeroed();
+            ffi::mjv_defaultCamera(&mut engine);
+            engine
+        };
+        match self {
+            Self::Fixed(id) => {
+                engine.type_ = ffi::mjCAMERA_FIXED as i32;
+                engine.fixedcamid = id.index() as i32;
+            }
+            Self::Free { lookat, distance, azimuth_deg, elevation_deg } => {
+                engine.type_ = ffi::mjCAMERA_FREE as i32;
+                engine.lookat = lookat.into();
+                engine.distance = distance;
+                engine.azimuth = azimuth_deg;
+                engine.elevation = elevation_deg;
+            }
+        }
+        engine
     }
 
     /// Checks numbers that the engine would take as they are.

@@ -153,6 +153,10 @@ pub enum Error {
     #[error("cannot draw a picture: {0}")]
     Rendering(String),
 
+    /// A window could not be opened.
+    #[error("cannot open a window: {0}")]
+    Window(String),
+
     /// Something that this crate does not do with this model.
     #[error("{0}")]
     Unsupported(String),

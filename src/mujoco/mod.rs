@@ -3,7 +3,8 @@
 //! - [`Model`]: loading ([`isolate_loading`]: in a child process); everything readable is on [`CompiledModel`].
 //! - [`Simulation`]: a private copy of a model and its data; steps whole or in [`stages`], [`Contact`]s, Jacobians,
 //!   constraint [`rows`], [`State`]s. The engine's numeric arrays are methods with the engine's names.
-//! - [`Renderer`]: pictures, drawn offscreen without a display.
+//! - [`Renderer`]: pictures, drawn offscreen without a display. [`Screen`]: the same in a window; [`Scene`] is what both
+//!   draw, [`Camera`] and [`Perturb`] follow the mouse.
 //! - [`Error`]: engine faults, dropped contacts, resets by the engine. Nothing is printed, logged or ended by MuJoCo.
 
 mod arrays;
@@ -21,6 +22,8 @@ mod data_arrays;
 mod egl;
 mod error;
 pub(crate) mod ffi;
+#[cfg(feature = "view")]
+mod figure;
 mod foreign;
 mod frozen;
 mod guard;
@@ -31,11 +34,23 @@ mod kinds;
 mod model;
 mod model_arrays;
 mod options;
+#[cfg(feature = "render")]
+mod painter;
+#[cfg(feature = "render")]
+mod perturb;
 mod poses;
+#[cfg(feature = "view")]
+mod rect;
 #[cfg(feature = "render")]
 mod render;
 pub mod rows;
 mod scan;
+#[cfg(feature = "render")]
+mod scene;
+#[cfg(feature = "view")]
+mod screen;
+#[cfg(feature = "render")]
+mod segment;
 mod shown;
 mod simulation;
 pub mod stages;
@@ -43,6 +58,8 @@ mod state;
 mod vfs;
 mod warning_counters;
 mod warnings;
+#[cfg(feature = "view")]
+mod window_context;
 
 #[cfg(feature = "render")]
 pub use arrow::Arrow;
@@ -55,6 +72,8 @@ pub use compat::MassFactor;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};
+#[cfg(feature = "view")]
+pub use figure::{Figure, Line};
 pub use ids::{
     ActuatorId, BodyId, CameraId, EqualityId, GeomId, Id, JointId, KeyframeId, MeshId, SensorId, SiteId, TendonId,
 };
@@ -65,13 +84,25 @@ pub use kinds::{
 };
 pub use model::Model;
 #[cfg(feature = "render")]
-pub use render::{Drawing, Renderer};
+pub use perturb::{Drag, Perturb, Pull};
+#[cfg(feature = "view")]
+pub use rect::Rect;
+#[cfg(feature = "render")]
+pub use render::{Drawing, Renderer, Tint};
 pub use rows::ConstraintRow;
+#[cfg(feature = "render")]
+pub use scene::{Picked, Scene};
+#[cfg(feature = "view")]
+pub use screen::{Corner, Screen};
+#[cfg(feature = "render")]
+pub use segment::Segment;
 pub use simulation::Simulation;
 pub(crate) use simulation::Stamp;
 pub(crate) use stages::{EngineStages, Hooks};
 pub use state::State;
 pub use warnings::{Warning, WarningKind};
+#[cfg(feature = "view")]
+pub(crate) use window_context::no_window;
 
 /// The MuJoCo version that this crate was built for, e.g. "2.2.2".
 pub fn mujoco_version() -> String {

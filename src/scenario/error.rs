@@ -40,6 +40,14 @@ pub enum Error {
         /// What it is.
         problem: String,
     },
+    /// A recorded session cannot be replayed.
+    #[error("{}: {problem}", file.display())]
+    Recording {
+        /// The recording.
+        file: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// The text is no scenario, or no spec.
     #[error("{}: {source}", file.display())]
     Parse {
@@ -133,6 +141,7 @@ impl Error {
             | Self::Read { .. }
             | Self::Spec { .. }
             | Self::Part { .. }
+            | Self::Recording { .. }
             | Self::Parse { .. }
             | Self::Field { .. }
             | Self::Model { .. }

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::control::Schedule;
 use super::error::Error;
@@ -18,7 +18,7 @@ use crate::grasp::{self, Grasp, GraspId, Grasps, Phase};
 use crate::mujoco::{BodyId, Simulation};
 
 /// How contacts between hand and target are simulated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
     /// MuJoCo's own contact solve, with the options that the MJCF sets.
@@ -164,6 +164,29 @@ impl Runner {
     /// How contacts are simulated.
     pub fn mode(&self) -> Mode {
         self.mode
+    }
+
+    /// Goes on in another mode. To full mode every grasp gives its contacts back; in grasp mode a grasp latches once its
+    /// quality has been good enough for its latch time from now on, or in full mode before.
+    ///
+    /// # Errors
+    /// What the engine reports.
+    pub fn set_mode(&mut self, mode: Mode) -> Result<(), Error> {
+        if mode == self.mode {
+            return Ok(());
+        }
+        match mode {
+            Mode::Full => {
+                let latched = |grasp: &&mut Grasp| grasp.phase() == Phase::Grasped;
+                self.grasps.iter_mut().filter(latched).for_each(Grasp::release);
+                let restored = self.grasps.restore_settings(&mut self.sim);
+                restored.map_err(|source| Error::Step { what: "full mode".into(), time: self.time(), source })?;
+                self.poses = None;
+            }
+            Mode::Grasp => self.poses = Some(self.sim.try_clone()?),
+        }
+        self.mode = mode;
+        Ok(())
     }
 
     /// Pushes in another way, or not at all, from now on.

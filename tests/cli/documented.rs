@@ -45,7 +45,7 @@ fn every_option_is_on_the_page() {
     let folder = tempfile::tempdir().unwrap();
     let help = call_in(folder.path(), &["--help"]).stdout;
     let section = section("## Command line");
-    let commands = ["list", "run", "report", "bench", "agree", "quality", "calibrate", "sweep"];
+    let commands = ["list", "run", "report", "view", "bench", "agree", "quality", "calibrate", "sweep"];
     for line in help.split("Commands:").nth(1).unwrap().lines().skip(1).take_while(|l| !l.is_empty()) {
         let command = line.split_whitespace().next().unwrap();
         assert!(commands.contains(&command) || command == "help", "{command} has no test here");

@@ -30,13 +30,10 @@ impl Artist {
 
     /// The scene's own camera named `grasp`, else one that has hand and target in view at the first pose.
     pub fn camera(&mut self, plan: &Plan, first: &[f64]) -> anyhow::Result<Camera> {
-        if let Ok(camera) = Camera::named(&plan.model, "grasp") {
-            return Ok(camera);
-        }
         self.pose(first)?;
         let grasps = Grasps::of(&self.sim, &plan.grasps[0])?;
         let grasp = &grasps[GraspId::FIRST];
-        Ok(Camera::on_grasp(&self.sim, grasp.palm(), grasp.target())?)
+        Ok(Camera::for_grasp(&self.sim, grasp.palm(), grasp.target())?)
     }
 
     /// Of the largest sphere about a geom of the body \[m\].

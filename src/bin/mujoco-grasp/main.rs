@@ -17,6 +17,7 @@ mod scatters;
 mod signals;
 mod summary;
 mod sweep;
+mod view;
 mod warnings;
 
 use std::process::ExitCode;
@@ -51,6 +52,8 @@ enum Command {
     Run(run::Args),
     /// One page with all that there is to see of a scenario: films, plots, costs, numbers.
     Report(report::Args),
+    /// An interactive window: pause, single steps, forces with the mouse, full or grasp mode.
+    View(view::Args),
     /// Times the holding phase.
     Bench(bench::Args),
     /// Random pushes: do both modes tell the same story?
@@ -82,6 +85,7 @@ fn main() -> ExitCode {
         Command::List => list::list(output),
         Command::Run(args) => run::run(args, output),
         Command::Report(args) => report::report(args, output),
+        Command::View(args) => view::view(args, output),
         Command::Bench(args) => bench::bench(args, output),
         Command::Agree(args) => agree::agree(args, output),
         Command::Calibrate(args) => calibrate::calibrate(args, output),

@@ -202,3 +202,42 @@ pub(in crate::mujoco) unsafe fn connect(
     // SAFETY: as the caller promises; two points of three numbers.
     unsafe { ffi::mjv_connector(geom, kind, width, from.as_ptr(), to.as_ptr()) }
 }
+
+/// The engine's mjv_select: the body, -1 for none.
+///
+/// # Safety
+/// Model and data belong together, the scene is one of the model's, and `point` has three places.
+#[cfg(feature = "render")]
+pub(in crate::mujoco) unsafe fn select(
+    (m, d): (*const ffi::mjModel, *const ffi::mjData),
+    options: &ffi::mjvOption,
+    [aspect, x, y]: [f64; 3],
+    scene: &ffi::mjvScene,
+    point: &mut [f64; 3],
+) -> i32 {
+    let (mut geom, mut flex, mut skin) = (-1, -1, -1);
+    let place = point.as_mut_ptr();
+    // SAFETY: as the caller promises.
+    unsafe { ffi::mjv_select(m, d, options, aspect, x, y, scene, place, &mut geom, &mut flex, &mut skin) }
+}
+
+/// The engine's mjv_moveCamera.
+///
+/// # Safety
+/// The model is valid, and the scene is one of it.
+#[cfg(feature = "render")]
+pub(in crate::mujoco) unsafe fn move_camera(
+    m: *const ffi::mjModel,
+    action: i32,
+    [x, y]: [f64; 2],
+    _scene: &ffi::mjvScene,
+    camera: &mut ffi::mjvCamera,
+) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        #[cfg(not(mj_abstract_camera))]
+        ffi::mjv_moveCamera(m, action, x, y, _scene, camera);
+        #[cfg(mj_abstract_camera)]
+        ffi::mjv_moveCamera(m, action, x, y, camera);
+    }
+}
