@@ -132,8 +132,9 @@ impl Grasps {
         if n > 0 { self.step(sim) } else { Ok(()) }
     }
 
-    /// Sets the angle by which anything may turn between two whole steps \[rad\]; with 0 every step is whole. What a frozen step
-    /// leaves out of lever arms and directions is about that share of the forces. What is negative or no number counts as 0.
+    /// Sets the angle by which a hand and its target may turn against the palm between two whole steps \[rad\], and anything in
+    /// the world by five times as much (by as much where several grasps are latched); with 0 every step is whole. What a frozen
+    /// step leaves out of lever arms and directions is about that share of the forces. What is negative or no number counts as 0.
     pub fn set_frozen_tolerance(&mut self, angle: f64) {
         self.frozen.tolerance = angle;
     }

@@ -1,5 +1,6 @@
 //! The program as a user calls it.
 
+mod display;
 mod page;
 mod program;
 
@@ -8,7 +9,10 @@ mod bad_input;
 mod calibrate;
 mod documented;
 mod isolated;
+mod pointer;
 mod report;
 mod results;
 mod run;
+mod session;
 mod sweep;
+mod window;
