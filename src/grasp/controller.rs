@@ -177,6 +177,11 @@ impl Grasp {
         self.machine.allow_latch(allowed);
     }
 
+    /// See [`allow_latch`](Self::allow_latch).
+    pub(super) fn may_latch(&self) -> bool {
+        self.machine.is_allowed()
+    }
+
     /// True once the quality has been at `Q_Th`, with contact, for the latch time.
     pub fn would_latch(&self) -> bool {
         self.machine.phase() == Phase::Grasped || self.machine.is_ripe()

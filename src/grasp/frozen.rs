@@ -152,6 +152,7 @@ impl Grasps {
     /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (rows
     /// beside a grasp with limits "box" or "rigid" that only the engine's solver can solve), "changed" (it has just latched, or
     /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped),
+    /// "handover" (a hand that may latch reaches for what another holds; see [`Grasp::allow_latch`]),
     /// "turned" and "slid" (further than the tolerance), "near" (something else may touch something).
     pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Obstacle::NAMES.into_iter().zip(self.frozen.whole).filter(|(_, count)| *count > 0)
@@ -168,6 +169,13 @@ impl Grasps {
         }
     }
 
+    /// Whether a hand that may latch reaches for what another holds: in which step it does so, and what each of them then presses
+    /// with for good, hangs on less than what a frozen step leaves out.
+    fn is_handed_over(&self) -> bool {
+        let mut reaching = self.list.iter().filter(|grasp| grasp.phase() == Phase::Ungrasped && grasp.may_latch());
+        reaching.any(|grasp| self.latched().any(|held| held.topology().in_target(grasp.target().index())))
+    }
+
     /// Why the next step has to be a whole one, if it has.
     fn obstacle(&mut self, sim: &Simulation) -> Option<Obstacle> {
         let merged = self.latched().filter(|grasp| grasp.is_merged()).count();
@@ -181,6 +189,9 @@ impl Grasps {
         }
         if self.frozen.steps >= MAX_STEPS {
             return Some(Obstacle::Refresh);
+        }
+        if self.is_handed_over() {
+            return Some(Obstacle::Handover);
         }
         let settled = self.latched().all(|grasp| grasp.steps_since_contacts_changed() >= SETTLED);
         if self.frozen.steps == 0 && !(settled && self.frozen.elapsed.is_some()) {
@@ -217,13 +228,14 @@ enum Obstacle {
     Changed,
     Refresh,
     Contacts,
+    Handover,
     Turned,
     Slid,
     Near,
 }
 
 impl Obstacle {
-    const NAMES: [&'static str; 7] = ["merged", "changed", "refresh", "contacts", "turned", "slid", "near"];
+    const NAMES: [&'static str; 8] = ["merged", "changed", "refresh", "contacts", "handover", "turned", "slid", "near"];
 }
 
 impl Frozen {
