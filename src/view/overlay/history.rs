@@ -75,7 +75,11 @@ impl History {
                 curve(&|(quality, _)| quality),
             ));
             lines.push((format!("Q_Th{number}"), [0.7, 0.7, 0.7], curve(&|_| threshold)));
-            lines.push((format!("latched{number}"), [r, g, b], curve(&|(_, latched)| LATCHED * threshold * f64::from(latched))));
+            lines.push((
+                format!("latched{number}"),
+                [r, g, b],
+                curve(&|(_, latched)| LATCHED * threshold * f64::from(latched)),
+            ));
         }
         let lines: Vec<Line<'_>> = lines.iter().map(|(name, rgb, points)| Line { name, rgb: *rgb, points }).collect();
         let end = self.points.back().map_or(0.0, |p| p.time);
