@@ -132,6 +132,17 @@ impl Session {
         }
     }
 
+    /// A simulation to [`show`](Self::show) this one in, of the model as it is loaded: a pinned target has the inertia of a wall
+    /// in the session's own, and from MuJoCo 3 on a spring's stiffness follows from that.
+    ///
+    /// # Errors
+    /// [`Error::Engine`].
+    pub fn poses(&self) -> Result<Simulation, Error> {
+        let mut poses = Simulation::new(&self.plan.model)?;
+        self.show(&mut poses)?;
+        Ok(poses)
+    }
+
     /// Brings a simulation of the same model to the poses, velocities and pushes of this one, with everything that is
     /// needed to draw it and to pull at it: the simulation itself may have been stepped on frozen geometry.
     ///

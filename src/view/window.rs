@@ -128,8 +128,7 @@ struct App {
 impl App {
     fn new(plan: &Plan, replay: Option<Recording>) -> Result<Self, Error> {
         let session = Session::new(plan)?;
-        let mut poses = session.sim().try_clone()?;
-        session.show(&mut poses)?;
+        let poses = session.poses()?;
         let grasp = &session.grasps()[GraspId::FIRST];
         let home = Camera::for_grasp(&poses, grasp.palm(), grasp.target())?;
         let home = home.freed(&poses, poses.body_com(grasp.target()))?;

@@ -110,8 +110,7 @@ fn close(display: &Display, window: Child) -> serde_json::Value {
 /// A pixel in the midst of the ball, as the window shows it at first.
 fn place_of_ball((width, height): (u32, u32)) -> (u32, u32) {
     let session = Session::new(&claw()).unwrap();
-    let mut poses = session.sim().try_clone().unwrap();
-    session.show(&mut poses).unwrap();
+    let poses = session.poses().unwrap();
     let grasp = &session.grasps()[GraspId::FIRST];
     let camera = Camera::for_grasp(&poses, grasp.palm(), grasp.target()).unwrap();
     let mut scene = Scene::new(poses.model()).unwrap();

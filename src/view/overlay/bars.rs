@@ -57,9 +57,8 @@ fn of(sim: &Simulation, grasp: &Grasp) -> Vec<Bar> {
         let own = grasp.contacts().iter().filter(|c| c.link_id == link);
         own.filter_map(|c| c.friction_share(cone)).reduce(f64::max)
     };
-    let mut links: Vec<BodyId> = grasp.links().to_vec();
-    if !links.contains(&grasp.palm()) {
-        links.push(grasp.palm());
-    }
+    let mut links: Vec<BodyId> = grasp.contacts().iter().map(|c| c.link_id).collect();
+    links.sort_unstable();
+    links.dedup();
     links.into_iter().filter_map(|link| share(link).map(|share| Bar { name: name(link), share })).collect()
 }
