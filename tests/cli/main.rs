@@ -9,6 +9,8 @@ mod calibrate;
 mod documented;
 mod isolated;
 mod report;
+#[cfg(feature = "rerun")]
+mod rerun;
 mod results;
 mod run;
 mod sweep;
