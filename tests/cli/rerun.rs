@@ -43,7 +43,7 @@ fn times(chunks: &Chunks, path: &str) -> Vec<f64> {
     let columns = chunks[path].iter().flat_map(|chunk| chunk.timelines().iter());
     let times = columns.flat_map(|(name, column)| {
         assert_eq!(name.as_str(), "sim_time");
-        column.times_raw().iter().map(|ns| *ns as f64 * 1e-9)
+        column.times_raw().iter().map(|ns| *ns as f64 / 1e9)
     });
     times.collect()
 }
@@ -103,8 +103,8 @@ fn bodies_are_where_the_engine_has_them() {
     let plan = Plan::load(&data("claw.toml")).unwrap();
     let mut sim = Simulation::new(&plan.model).unwrap();
     for run in runs(&plan, "along") {
-        // 25 a second for 5 s.
-        assert_eq!(run.moments.len(), 125);
+        // 25 a second from 0 to 5 s.
+        assert_eq!(run.moments.len(), 126);
         let root = format!("/scene/{}", run.mode.name());
         let mut paths = vec![root];
         for body in plan.model.bodies().skip(1) {
@@ -122,7 +122,7 @@ fn bodies_are_where_the_engine_has_them() {
                 let own = &tree[body.index() - 1];
                 // The palm never moves: one pose, for all times.
                 let fixed = plan.model.body_jntnum()[body.index()] == 0;
-                assert_eq!(own.len(), if fixed { 1 } else { 125 }, "{}", paths[body.index()]);
+                assert_eq!(own.len(), if fixed { 1 } else { 126 }, "{}", paths[body.index()]);
                 let own = own[if fixed { 0 } else { frame }];
                 world.push(world[plan.model.body_parentid()[body.index()] as usize] * own);
                 let [found, wanted] = [world[body.index()], engine(&sim, body)];
@@ -200,7 +200,7 @@ fn contact_forces_carry_the_target() {
         let vectors = recordings[0][&path].iter().flat_map(|c| c.iter_slices::<[f32; 3]>("Arrows3D:vectors".into()));
         let sums = vectors.map(|v| v.iter().map(|v| Vector3::from(v.map(f64::from))).sum::<Vector3<f64>>());
         let sums: Vec<_> = times(&recordings[0], &path).into_iter().zip(sums).collect();
-        assert_eq!(sums.len(), 125);
+        assert_eq!(sums.len(), 126);
         // At rest; 1 cm stands for 1 N.
         for (time, sum) in sums.iter().filter(|(time, _)| *time > 4.5) {
             assert!((sum / 0.01 - Vector3::z() * weight).norm() < 0.02 * weight, "{mode} at {time}: {sum}, {weight} N");
@@ -215,7 +215,7 @@ fn contact_forces_carry_the_target() {
 fn every_geom_of_a_picture_has_a_shape() {
     let folder = tempfile::tempdir().unwrap();
     for scenario in [data("claw.toml"), "clutch".to_owned()] {
-        let recordings = record(folder.path(), &scenario, &["--push", "none", "--mode", "full", "--duration", "4.1"]);
+        let recordings = record(folder.path(), &scenario, &["--push", "none", "--mode", "full"]);
         let model = &Plan::load(&scenario).unwrap().model;
         let shapes: Vec<&String> = recordings[0].keys().filter(|path| path.contains("/geoms/")).collect();
         assert_eq!(shapes.len(), model.geom_group().iter().filter(|g| **g <= 2).count());
