@@ -130,10 +130,10 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         at_onset = Some(scale_to_onset(&mut plan, share, &args.push, options)?);
     }
     let out = folder(args.out.as_deref(), &plan.name);
-    let record = args.rerun.as_deref().map(recorder).transpose()?;
+    let record = args.rerun.as_deref().map(|path| anyhow::Ok((path, recorder(path)?))).transpose()?;
     let mut simulated = simulate(&plan, args.mode.modes(), &args.push, options, &out)?;
-    if let Some(record) = record
-        && let Err(e) = record(&plan, &simulated.pairs)
+    if let Some((path, record)) = record
+        && let Err(e) = record(&plan, &simulated.pairs, path)
     {
         let failure = format!("no recording: {}; the trajectories are in {}", message(&e), out.display());
         complain("error", &failure);
@@ -148,9 +148,12 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     Ok(exit_status(&simulated.failures))
 }
 
+/// Writes a recording, and returns its size in bytes.
+type Record = fn(&Plan, &[Pair], &Path) -> anyhow::Result<u64>;
+
 /// What writes the recording once there is something to record; the reason, before that takes its time, why it cannot.
 #[cfg(feature = "rerun")]
-fn recorder(path: &Path) -> anyhow::Result<impl Fn(&Plan, &[Pair]) -> anyhow::Result<u64>> {
+fn recorder(path: &Path) -> anyhow::Result<Record> {
     if path.extension().is_none_or(|ending| ending != "rrd") {
         let (option, value) = ("--rerun", path.display().to_string());
         return Err(Error::Option { option, value, expected: "its name must end in .rrd" }.into());
@@ -158,11 +161,11 @@ fn recorder(path: &Path) -> anyhow::Result<impl Fn(&Plan, &[Pair]) -> anyhow::Re
     if let Some(folder) = path.parent() {
         leftovers::clear_of(&[], folder)?;
     }
-    Ok(|plan: &Plan, pairs: &[Pair]| crate::recording::save(plan, pairs, path))
+    Ok(crate::recording::save)
 }
 
 #[cfg(not(feature = "rerun"))]
-fn recorder(path: &Path) -> anyhow::Result<fn(&Plan, &[Pair]) -> anyhow::Result<u64>> {
+fn recorder(path: &Path) -> anyhow::Result<Record> {
     let (option, value) = ("--rerun", path.display().to_string());
     let expected = "this program was built without it: build it with the cargo feature `rerun`, as in `cargo install --path . --features rerun`";
     Err(Error::Option { option, value, expected }.into())
