@@ -29,7 +29,7 @@ pub enum Camera {
 }
 
 /// Largest group of geoms that is drawn (the engine's default: groups 0, 1, 2).
-const LAST_DRAWN_GROUP: i32 = 2;
+pub(crate) const LAST_DRAWN_GROUP: i32 = 2;
 
 impl Camera {
     /// The model's camera of this name.

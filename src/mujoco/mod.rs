@@ -67,6 +67,8 @@ pub use arrow::Arrow;
 pub use borrowed::Borrowed;
 #[cfg(feature = "render")]
 pub use camera::Camera;
+#[cfg(feature = "rerun")]
+pub(crate) use camera::LAST_DRAWN_GROUP;
 pub use collision::{Clearance, GeomSets, PairCollider};
 pub use compat::MassFactor;
 pub use compiled::CompiledModel;

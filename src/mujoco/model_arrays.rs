@@ -73,6 +73,7 @@ impl CompiledModel {
         geom_condim: i32 [ngeom], "Contact dimensionality (1, 3, 4, 6)";
         geom_bodyid: i32 [ngeom], "Id of geom's body";
         geom_dataid: i32 [ngeom], "Id of geom's mesh/hfield (-1: none)";
+        geom_matid: i32 [ngeom], "Material id for rendering (-1: none)";
         geom_group: i32 [ngeom], "Group for visibility";
         geom_priority: i32 [ngeom], "Geom contact priority";
         geom_sameframe: u8 [ngeom], "Same as body frame (1) or iframe (2)";
@@ -117,9 +118,12 @@ impl CompiledModel {
         mesh_face: i32 [nmeshface x 3], "Triangle face data";
         // height fields
         hfield_size: f64 [nhfield x 4], "(x, y, z_top, z_bottom)";
+        hfield_adr: i32 [nhfield], "Start address in hfield_data";
         hfield_nrow: i32 [nhfield], "Number of rows in grid";
         hfield_ncol: i32 [nhfield], "Number of columns in grid";
         hfield_data: f32 [nhfielddata], "Elevation data";
+        // materials
+        mat_rgba: f32 [nmat x 4], "Rgba";
         // predefined geom pairs for collision detection; has precedence over exclude
         pair_dim: i32 [npair], "Contact dimensionality";
         pair_geom1: i32 [npair], "Id of geom1";

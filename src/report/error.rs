@@ -100,6 +100,10 @@ pub enum ReportError {
         /// Why.
         source: image::ImageError,
     },
+    /// The recording library failed, or the engine while its poses were recorded.
+    #[cfg(feature = "rerun")]
+    #[error("recording failed: {0}")]
+    Recording(String),
     /// The drawing library failed.
     #[error("drawing failed: {0}")]
     Draw(String),

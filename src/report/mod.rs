@@ -12,6 +12,7 @@
 //! | [`Curves`] | costs against the size of a model |
 //! | [`TimeChart`] | one quantity over time in both modes, small enough for a phone |
 //! | [`Page`] | all of these with tables, films and numbers, in one HTML file |
+//! | `Recording` (feature `rerun`) | the scene and its time series, for the Rerun viewer |
 
 #![forbid(unsafe_code)]
 
@@ -23,6 +24,8 @@ mod legend;
 mod page;
 mod panel;
 mod plot;
+#[cfg(feature = "rerun")]
+mod recording;
 mod scatter;
 mod series;
 mod strip;
@@ -34,6 +37,8 @@ pub use curves::{Curve, Curves};
 pub use error::ReportError;
 pub use page::{Film, Page, Still};
 pub use plot::MotionPlot;
+#[cfg(feature = "rerun")]
+pub use recording::{Frame, Look, Recording, TimeSeries, View};
 pub use scatter::{PointSet, Scatter};
 pub use strip::{Row, Strip};
 pub use table::{BenchRow, BenchTable, Timing};

@@ -1,5 +1,7 @@
 //! What a run keeps of some of its steps, for pictures.
 
+use nalgebra::Vector3;
+
 use super::runner::Runner;
 use crate::grasp::Grasp;
 use crate::mujoco::BodyId;
@@ -22,6 +24,10 @@ pub struct Pressing {
     pub grasp: usize,
     /// Palm, or a link below it.
     pub link: BodyId,
+    /// Midpoint between the two surfaces, in the world \[m\].
+    pub position: Vector3<f64>,
+    /// Force on the target, world axes \[N\].
+    pub force: Vector3<f64>,
     /// \[N\]
     pub normal_force: f64,
     /// Size of the tangential force \[N\].
@@ -39,6 +45,8 @@ pub(super) fn pressing(runner: &Runner) -> Vec<Pressing> {
             .map(|c| Pressing {
                 grasp: index,
                 link: c.link_id,
+                position: c.position,
+                force: c.force,
                 normal_force: c.normal_force(),
                 friction: c.force_rows[1].hypot(c.force_rows[2]),
                 share: c.friction_share(cone),

@@ -48,6 +48,9 @@ fn bad_usage() {
     refused(folder.path(), &["run", claw, "--push", "sideways"], &["claw.toml", "push", "\"sideways\"", "\"along\""]);
     refused(folder.path(), &["run", claw, "--scale-push", "nan"], &["--scale-push", "finite"]);
     refused(folder.path(), &["run", claw, "--at-onset", "inf"], &["--at-onset", "finite"]);
+    // Its own tests are those of the feature.
+    #[cfg(not(feature = "rerun"))]
+    refused(folder.path(), &["run", claw, "--rerun", "a.rrd"], &["--rerun is a.rrd", "--features rerun"]);
     refused(folder.path(), &["run", claw, "--duration", "2"], &["--duration", "measure_from"]);
     refused(folder.path(), &["run", claw, "--noslip", "5000"], &["--noslip", "5000"]);
     refused(folder.path(), &["run", claw, "--frob"], &["--frob"]);

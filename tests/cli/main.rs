@@ -11,6 +11,8 @@ mod documented;
 mod isolated;
 mod pointer;
 mod report;
+#[cfg(feature = "rerun")]
+mod rerun;
 mod results;
 mod run;
 mod session;

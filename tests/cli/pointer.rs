@@ -4,6 +4,7 @@ use crate::session::{LATCHED, claw, run};
 use mujoco_grasp::mujoco::{
     Camera, Drawing, Error, Model, Perturb, Picked, Pull, Renderer, Scene, Segment, Simulation, Tint,
 };
+use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::view::{Action, Button, Gaze, Modifiers, Pointer, Seen, Session};
 use nalgebra::Vector3;
 use std::time::{Duration, Instant};

@@ -2,10 +2,10 @@
 
 use crate::program::data;
 use mujoco_grasp::grasp::{GraspId, Phase};
-use mujoco_grasp::mujoco::Error;
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::{Mode, Runner};
-use mujoco_grasp::view::{Action, Digest, Recording, Session};
+use mujoco_grasp::view::{Action, Recording, Session};
+use nalgebra::Vector3;
 
 /// Steps of the claw after which its grasp is latched: the pin goes at 2 s.
 pub const LATCHED: u64 = 1100;

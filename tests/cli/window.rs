@@ -3,12 +3,14 @@
 use crate::display::{Display, wait};
 use crate::page::{collect, named, page, section};
 use crate::program::{call_in, data};
-use crate::session::{LATCHED, claw, run};
-use mujoco_grasp::mujoco::Error;
+use crate::session::{LATCHED, claw};
+use mujoco_grasp::grasp::GraspId;
+use mujoco_grasp::mujoco::{Camera, Drawing, Scene};
+use mujoco_grasp::scenario::runner::Mode;
 use mujoco_grasp::view::{Action, Digest, KEYS, Recording, Session, show};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 fn call_without_display(args: &[&str], display: Option<&str>) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_mujoco-grasp"));

@@ -11,6 +11,8 @@ mod output;
 mod pictures;
 mod progress;
 mod quality;
+#[cfg(feature = "rerun")]
+mod recording;
 mod report;
 mod run;
 mod scatters;

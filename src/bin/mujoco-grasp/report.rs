@@ -1,6 +1,6 @@
 //! `mujoco-grasp report`.
 
-mod charts;
+pub mod charts;
 mod cost;
 mod film;
 mod story;

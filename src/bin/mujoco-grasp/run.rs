@@ -13,7 +13,7 @@ use mujoco_grasp::scenario::run::{Observer, Options, Pair, Run, run_all};
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 use rayon::prelude::*;
 
-use crate::output::{FAILURE, Output, complain, folder, unwritten};
+use crate::output::{FAILURE, Output, complain, folder, message, unwritten};
 use crate::progress::Progress;
 use crate::summary::{self, AtOnset, Report, ScaledPush};
 use crate::{leftovers, signals, warnings};
@@ -46,6 +46,9 @@ pub struct Args {
     /// Writes no plots and renders no frames.
     #[arg(long)]
     no_pictures: bool,
+    /// Records scenes and time series of all runs for the Rerun viewer (needs the cargo feature `rerun`).
+    #[arg(long, value_name = "FILE.rrd")]
+    rerun: Option<PathBuf>,
 }
 
 /// What the command line puts in the place of the scenario's or the model's.
@@ -127,7 +130,15 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         at_onset = Some(scale_to_onset(&mut plan, share, &args.push, options)?);
     }
     let out = folder(args.out.as_deref(), &plan.name);
-    let simulated = simulate(&plan, args.mode.modes(), &args.push, options, &out)?;
+    let record = args.rerun.as_deref().map(|path| anyhow::Ok((path, recorder(path)?))).transpose()?;
+    let mut simulated = simulate(&plan, args.mode.modes(), &args.push, options, &out)?;
+    if let Some((path, record)) = record
+        && let Err(e) = record(&plan, &simulated.pairs, path)
+    {
+        let failure = format!("no recording: {}; the trajectories are in {}", message(&e), out.display());
+        complain("error", &failure);
+        simulated.failures.push(failure);
+    }
     let report = simulated.report(&plan, at_onset);
     let notes = warnings::creep_notes(&simulated.pairs, options.noslip.unwrap_or(plan.model.noslip_iterations()));
     output.write(&report, || summary::text(&report, &notes, &out))?;
@@ -135,6 +146,29 @@ pub fn run(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
         crate::pictures::save_all(&plan, &simulated.pairs, &out);
     }
     Ok(exit_status(&simulated.failures))
+}
+
+/// Writes a recording, and returns its size in bytes.
+type Record = fn(&Plan, &[Pair], &Path) -> anyhow::Result<u64>;
+
+/// What writes the recording once there is something to record; the reason, before that takes its time, why it cannot.
+#[cfg(feature = "rerun")]
+fn recorder(path: &Path) -> anyhow::Result<Record> {
+    if path.extension().is_none_or(|ending| ending != "rrd") {
+        let (option, value) = ("--rerun", path.display().to_string());
+        return Err(Error::Option { option, value, expected: "its name must end in .rrd" }.into());
+    }
+    if let Some(folder) = path.parent() {
+        leftovers::clear_of(&[], folder)?;
+    }
+    Ok(crate::recording::save)
+}
+
+#[cfg(not(feature = "rerun"))]
+fn recorder(path: &Path) -> anyhow::Result<Record> {
+    let (option, value) = ("--rerun", path.display().to_string());
+    let expected = "this program was built without it: build it with the cargo feature `rerun`, as in `cargo install --path . --features rerun`";
+    Err(Error::Option { option, value, expected }.into())
 }
 
 /// What came of the runs, and has been said on standard error.

@@ -23,7 +23,7 @@ pub struct Facts {
     pub limits: Limits,
     pub latch_quality: f64,
     pub release_quality: f64,
-    palm_id: BodyId,
+    pub palm_id: BodyId,
     /// Of each link, in the order of a trajectory's forces, the first body of its finger.
     fingers: Vec<BodyId>,
 }
@@ -41,6 +41,28 @@ impl Facts {
             palm_id,
             fingers: grasp.links().iter().map(|&link| finger(model, palm_id, link)).collect(),
         }
+    }
+
+    /// Each finger, with its name.
+    pub fn fingers(&self, model: &CompiledModel) -> Vec<(BodyId, String)> {
+        let mut fingers: Vec<BodyId> = Vec::new();
+        for &finger in &self.fingers {
+            if !fingers.contains(&finger) {
+                fingers.push(finger);
+            }
+        }
+        fingers.into_iter().map(|finger| (finger, name(model, finger))).collect()
+    }
+
+    /// The finger that a link belongs to.
+    pub fn finger_of(&self, model: &CompiledModel, link: BodyId) -> BodyId {
+        finger(model, self.palm_id, link)
+    }
+
+    /// All normal forces of a finger in a step [N].
+    pub fn force_of(&self, finger: BodyId, trajectory: &Trajectory, step: usize) -> f64 {
+        let forces = trajectory.normal_forces(step).iter().zip(&self.fingers);
+        forces.filter(|(_, f)| **f == finger).map(|(force, _)| force).sum()
     }
 }
 
@@ -171,12 +193,8 @@ impl<'a> Told<'a> {
                 ..self.chart("all normal forces [N]", all)
             },
         ];
-        for (finger, label) in self.fingers() {
-            let of_finger = |t: &Trajectory, i: usize| {
-                let forces = t.normal_forces(i).iter().zip(&facts.fingers);
-                forces.filter(|(_, f)| **f == finger).map(|(force, _)| force).sum()
-            };
-            let series = self.series(of_finger);
+        for (finger, label) in facts.fingers(&self.plan.model) {
+            let series = self.series(|t, i| facts.force_of(finger, t, i));
             if series.iter().flat_map(|s| &s.points).any(|p| p.1 > 0.0) {
                 let title = format!("{label}: normal force [N]");
                 charts.push(TimeChart { title, least_span: 0.1, ..self.chart("normal force [N]", series) });
@@ -207,12 +225,12 @@ impl<'a> Told<'a> {
     pub fn friction(&self) -> Vec<TimeChart> {
         let mut charts = Vec::new();
         let palm = (self.facts.palm_id, self.facts.palm.clone());
-        for (finger, label) in self.fingers().into_iter().chain([palm]) {
+        for (finger, label) in self.facts.fingers(&self.plan.model).into_iter().chain([palm]) {
             let of_run = |run: &Run| {
                 let mut points = Vec::new();
                 for moment in &run.moments {
                     let own = moment.contacts.iter().filter(|c| c.grasp == self.facts.index);
-                    let own = own.filter(|c| self.finger_of(c.link) == finger);
+                    let own = own.filter(|c| self.facts.finger_of(&self.plan.model, c.link) == finger);
                     points.extend(own.filter_map(|c| Some((moment.time, c.share?))));
                 }
                 Series { label: run.mode.name().to_owned(), points }
@@ -225,21 +243,6 @@ impl<'a> Told<'a> {
             }
         }
         charts
-    }
-
-    fn finger_of(&self, link: BodyId) -> BodyId {
-        finger(&self.plan.model, self.facts.palm_id, link)
-    }
-
-    /// Each finger, with its name.
-    fn fingers(&self) -> Vec<(BodyId, String)> {
-        let mut fingers: Vec<BodyId> = Vec::new();
-        for &finger in &self.facts.fingers {
-            if !fingers.contains(&finger) {
-                fingers.push(finger);
-            }
-        }
-        fingers.into_iter().map(|finger| (finger, name(&self.plan.model, finger))).collect()
     }
 }
 
