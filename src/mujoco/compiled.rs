@@ -187,6 +187,11 @@ impl CompiledModel {
         keyframe, keyframe_name, keyframes: KeyframeId, nkey;
     }
 
+    /// The body's name, or "body3" for one without: for columns and paths.
+    pub fn body_column(&self, id: BodyId) -> String {
+        self.body_name(id).map_or_else(|| format!("body{}", id.index()), str::to_owned)
+    }
+
     /// "body palm", or "body 3" for one without a name: for messages.
     pub fn label<I: Id>(&self, id: I) -> String {
         match self.name_of(id) {

@@ -83,8 +83,7 @@ impl Perturb {
         }
         let mut perturb = Self::default();
         perturb.raw.select = picked.body.index() as i32;
-        let offset = picked.point - sim.body_position(picked.body);
-        perturb.raw.localpos = sim.body_rotation(picked.body).tr_mul(&offset).into();
+        perturb.raw.localpos = sim.point_in_body(picked.body, &picked.point).into();
         Ok(perturb)
     }
 

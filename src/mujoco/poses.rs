@@ -7,7 +7,7 @@ use super::error::Error;
 use super::ffi;
 use super::ids::{BodyId, GeomId, SiteId};
 use super::simulation::Simulation;
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 /// Row `index` of an array with rows of `N` numbers.
 fn row<const N: usize>(array: &[f64], index: usize) -> [f64; N] {
@@ -37,6 +37,16 @@ impl Simulation {
     pub fn body_quaternion(&self, id: BodyId) -> UnitQuaternion<f64> {
         let [w, x, y, z] = row(self.xquat(), id.index());
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+    }
+
+    /// A body's frame in the world, m.
+    pub fn body_pose(&self, id: BodyId) -> Isometry3<f64> {
+        Isometry3::from_parts(self.body_position(id).into(), self.body_quaternion(id))
+    }
+
+    /// A point of the world in a body's frame, m.
+    pub fn point_in_body(&self, id: BodyId, point: &Vector3<f64>) -> Vector3<f64> {
+        self.body_rotation(id).tr_mul(&(point - self.body_position(id)))
     }
 
     /// A body's own centre of mass, m.

@@ -285,7 +285,7 @@ impl Variant {
     fn advance(&mut self, steps: usize) -> Result<(), grasp::Error> {
         let mut clock = StageClock::default();
         let whole = self.is_whole();
-        self.count_frozen(false);
+        let before = self.frozen_and_whole();
         let start = Instant::now();
         for k in 1..=steps {
             match &mut self.grasps {
@@ -304,7 +304,12 @@ impl Variant {
             }
         }
         self.step_ns.push(start.elapsed().as_nanos() as f64 / steps as f64);
-        self.count_frozen(true);
+        // the grasps' own counts begin anew with each turn
+        let (frozen, reasons) = self.frozen_and_whole();
+        self.frozen += frozen - before.0;
+        for (why, count) in reasons {
+            *self.whole.entry(why).or_default() += count - before.1.get(why).unwrap_or(&0);
+        }
         if !whole {
             self.contact_ns.push(clock.contact.as_nanos() as f64 / steps as f64);
         }
@@ -320,12 +325,10 @@ impl Variant {
         }
     }
 
-    /// Before and after a call: what it adds to the grasps' own counts, which begin anew with each turn.
-    fn count_frozen(&mut self, after: bool) {
-        let Some((_, grasps)) = &self.grasps else { return };
-        let count = |sum: &mut u64, of: u64| *sum = if after { sum.wrapping_add(of) } else { sum.wrapping_sub(of) };
-        count(&mut self.frozen, grasps.frozen_steps());
-        grasps.whole_steps().for_each(|(why, of)| count(self.whole.entry(why).or_default(), of));
+    /// Steps so far on frozen geometry, and why others were not.
+    fn frozen_and_whole(&self) -> (u64, BTreeMap<&'static str, u64>) {
+        let grasps = self.grasps.as_ref().map(|(_, grasps)| grasps);
+        grasps.map_or_else(Default::default, |grasps| (grasps.frozen_steps(), grasps.whole_steps().collect()))
     }
 
     fn kept_outcome(&self) -> bool {

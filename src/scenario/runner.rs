@@ -244,9 +244,8 @@ impl Runner {
 
     fn trajectory_of(&self, grasp: &Grasp) -> Trajectory {
         let model = self.sim.model();
-        let name =
-            |&link: &BodyId| model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned);
-        Trajectory::new(grasp.links().iter().map(name).collect(), self.total_steps() as usize)
+        let names = grasp.links().iter().map(|&link| model.body_column(link));
+        Trajectory::new(names.collect(), self.total_steps() as usize)
     }
 
     /// Appends the last step to `trajectories`, one for each grasp.

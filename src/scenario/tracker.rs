@@ -14,7 +14,7 @@
 //! 5. Once the grasp latches (in full mode: would latch) the targets stay what they are, and `[[control]]` goes on from
 //!    there.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
 use super::actuator::PositionActuator;
 use super::plan::Goal;
@@ -89,13 +89,6 @@ enum State {
     Waiting,
     Tracking,
     Done,
-}
-
-/// Pose of a body in the world.
-pub(super) fn pose(sim: &Simulation, body: BodyId) -> Isometry3<f64> {
-    let (p, q) = (&sim.xpos()[3 * body.index()..], &sim.xquat()[4 * body.index()..]);
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
-    Isometry3::from_parts(Translation3::new(p[0], p[1], p[2]), rotation)
 }
 
 fn site(sim: &Simulation, id: SiteId) -> Vector3<f64> {
@@ -181,7 +174,7 @@ impl Tracker {
         }
         let gone = APPROACH_SPEED * (time - self.start).max(0.0);
         let share = if gone < self.farthest { gone / self.farthest } else { 1.0 };
-        let (palm, mut target) = (pose(sim, self.palm), pose(sim, self.target));
+        let (palm, mut target) = (sim.body_pose(self.palm), sim.body_pose(self.target));
         if share == 1.0 {
             if self.tips.len() == 2 {
                 self.squeeze_pair(sim, &target, step, feel)?;
@@ -192,7 +185,7 @@ impl Tracker {
                 target = palm * *self.freed_at.get_or_insert(palm.inv_mul(&target));
             }
         }
-        let now = pose(sim, self.target);
+        let now = sim.body_pose(self.target);
         for (i, point) in self.points.iter_mut().enumerate() {
             let goal = now.inverse_transform_point(&site(sim, self.goals[i]).into()).coords;
             let local = self.from[i].lerp(&goal, share) + self.inward[i] * self.pressed;
@@ -225,7 +218,7 @@ impl Tracker {
 
     /// The palm's pose in the world and the goals of the last step, for timing the solver.
     pub fn problem(&self, sim: &Simulation) -> (Isometry3<f64>, Vec<Vector3<f64>>) {
-        (pose(sim, self.palm), self.points.clone())
+        (sim.body_pose(self.palm), self.points.clone())
     }
 
     fn press(&mut self, step: f64, feel: Feel) {
@@ -277,7 +270,7 @@ impl Tracker {
             })
         });
         self.ik.tips(&mut self.from);
-        let (palm, target) = (pose(sim, self.palm), pose(sim, self.target));
+        let (palm, target) = (sim.body_pose(self.palm), sim.body_pose(self.target));
         let body = self.target.index();
         let ipos = &sim.model().body_ipos()[3 * body..3 * body + 3];
         let centre = Vector3::from_column_slice(ipos);

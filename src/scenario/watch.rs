@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 
-use super::tracker::pose;
 use super::trajectory::Sample;
 use crate::grasp::{Grasp, Phase};
 use crate::mujoco::{BodyId, Simulation};
@@ -60,7 +59,7 @@ impl Watch {
 
     /// After it; `poses` has those of the state that it began in.
     pub(super) fn sample(&mut self, poses: &Simulation, grasp: &Grasp, at: &Now) -> Sample {
-        let palm = pose(poses, self.palm);
+        let palm = poses.body_pose(self.palm);
         self.normal_forces.fill(0.0);
         self.velocities.fill(Vector3::zeros());
         let (mut touching, mut gripped, mut penetration) = (false, false, 0.0_f64);
@@ -80,7 +79,7 @@ impl Watch {
                 *slip += velocity * step;
             }
         }
-        let target = palm.inv_mul(&pose(poses, self.target));
+        let target = palm.inv_mul(&poses.body_pose(self.target));
         Sample {
             time: at.time,
             position: target.translation.vector,

@@ -124,7 +124,7 @@ impl Session {
                     return Ok(());
                 }
                 let [force, torque] = [0, 3].map(|k| [wrench[k], wrench[k + 1], wrench[k + 2]]);
-                let body = name(self.runner.sim().model(), body);
+                let body = self.runner.sim().model().body_column(body);
                 self.act(Action::Push { body, force, torque })
             }
             None if self.pushed.is_some() => self.act(Action::Release),
@@ -201,15 +201,10 @@ impl Session {
     }
 }
 
-/// The body's name, or `body` and its number.
-fn name(model: &CompiledModel, body: BodyId) -> String {
-    model.body_name(body).map_or_else(|| format!("body{}", body.index()), str::to_owned)
-}
-
-/// The body of this [`name`].
+/// The body of this [`body_column`](CompiledModel::body_column).
 fn body_named(model: &CompiledModel, text: &str) -> Result<BodyId, crate::mujoco::Error> {
     model.body(text).or_else(|unknown| {
-        let unnamed = |body: &BodyId| model.body_name(*body).is_none() && name(model, *body) == text;
+        let unnamed = |body: &BodyId| model.body_name(*body).is_none() && model.body_column(*body) == text;
         model.bodies().find(unnamed).ok_or(unknown)
     })
 }

@@ -88,10 +88,15 @@ fn room(option: &str, margin: f64) -> String {
     )
 }
 
+/// Geoms of which the collider has the pairs of one side with the other.
+fn sides(sim: &Simulation) -> (Vec<GeomId>, Vec<GeomId>) {
+    sim.model().geoms().partition(|geom| geom.index() % 3 == 0)
+}
+
 /// Long random flights: kicks now and then, also of the mocap body; the collider has some of the pairs.
 fn fly(sim: &mut Simulation, steps: usize, kick: f64, seed: u64) -> Tally {
     let mut random = Random(seed);
-    let (some, others): (Vec<GeomId>, Vec<GeomId>) = sim.model().geoms().partition(|geom| geom.index() % 3 == 0);
+    let (some, others) = sides(sim);
     let mut watch = Watch::new(sim, &some, &others);
     for step in 0..steps {
         if step % 200 == 0 {
@@ -331,7 +336,7 @@ fn the_cost_of_certainty_is_printed() {
 fn what_outlasts_a_motion_touches_nothing_after_it() {
     let mut sim = simulation(&room("", 0.0));
     let mut random = Random(5);
-    let (some, others): (Vec<GeomId>, Vec<GeomId>) = sim.model().geoms().partition(|geom| geom.index() % 3 == 0);
+    let (some, others) = sides(&sim);
     let collider = PairCollider::new(&sim, &some, &others).unwrap();
     // about the farthest point of each body from its centre, m
     const RADIUS: f64 = 0.2;

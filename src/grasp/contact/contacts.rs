@@ -8,7 +8,7 @@ use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg::Spatial;
 use crate::grasp::monitor::wrench::LoadedContact;
 use crate::mujoco::{BodyId, Cone, Contact, GeomId, Simulation};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 mod memory;
 mod motion;
@@ -237,7 +237,7 @@ impl GraspContact {
             slip_velocity: Vector3::zeros(),
             warm_start: None,
             displacement: None,
-            anchors: [link_id.index(), target].map(|body| in_body(sim, body, &contact.position)),
+            anchors: [link_id, BodyId::from_index(target)].map(|body| sim.point_in_body(body, &contact.position)),
             jump: None,
         })
     }
@@ -367,13 +367,6 @@ impl ContactSet {
     pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
         self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
     }
-}
-
-/// A point of the world in the frame of a body.
-fn in_body(sim: &Simulation, body: usize, point: &Vector3<f64>) -> Vector3<f64> {
-    let origin = Vector3::from_column_slice(&sim.xpos()[3 * body..3 * body + 3]);
-    // by columns: the transpose of what MuJoCo keeps by rows
-    Matrix3::from_column_slice(&sim.xmat()[9 * body..9 * body + 9]) * (point - origin)
 }
 
 fn spatial(rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Spatial {

@@ -177,12 +177,12 @@ impl Ledger {
             (&self.accounts_inside, inside, 0.0),
         ];
         kinds.into_iter().all(|(accounts, travel, carried)| {
-            let near = accounts.all[..accounts.near].iter();
+            let mut near = accounts.all[..accounts.near].iter();
             let left = |account: &Account| account.until - account.used(&self.ways) - carried;
             let outlasts = |account: &Account| {
                 2.0 * way <= left(account) || approach(account.parts.map(|part| part as usize)) <= left(account)
             };
-            2.0 * way <= accounts.far_until - travel && near.clone().all(outlasts)
+            2.0 * way <= accounts.far_until - travel && near.all(outlasts)
         })
     }
 

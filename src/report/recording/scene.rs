@@ -51,7 +51,7 @@ impl Recording {
                 // Of a body that stays where it is on its parent, one pose is all.
                 if moving[body.index()] || poses[body.index()].is_empty() {
                     let parent = BodyId::from_index(sim.model().body_parentid()[body.index()] as usize);
-                    poses[body.index()].push(pose(sim, parent).inv_mul(&pose(sim, body)));
+                    poses[body.index()].push(sim.body_pose(parent).inv_mul(&sim.body_pose(body)));
                 }
             }
         }
@@ -134,8 +134,7 @@ fn body_paths(model: &CompiledModel, world: &EntityPath) -> Vec<EntityPath> {
     let mut paths = vec![world.clone()];
     for body in model.bodies().skip(1) {
         let parent = &paths[model.body_parentid()[body.index()] as usize];
-        let name = model.body_name(body).map_or_else(|| format!("body{}", body.index()), str::to_owned);
-        paths.push(child(parent, &name));
+        paths.push(child(parent, &model.body_column(body)));
     }
     paths
 }
@@ -146,10 +145,6 @@ fn child(parent: &EntityPath, name: &str) -> EntityPath {
 
 fn moves(model: &CompiledModel, body: BodyId) -> bool {
     model.body_jntnum()[body.index()] > 0
-}
-
-fn pose(sim: &Simulation, body: BodyId) -> Isometry3<f64> {
-    Isometry3::from_parts(sim.body_position(body).into(), sim.body_quaternion(body))
 }
 
 fn vector(v: &Vector3<f64>) -> Vec3D {

@@ -11,7 +11,6 @@ use crate::scenario::plan::Plan;
 use crate::scenario::press::Press;
 use crate::scenario::run::Options;
 use crate::scenario::runner::{Mode, Runner};
-use crate::scenario::tracker::pose;
 
 /// Steps from one look at the grasp to the next; the last of them is a whole one.
 const STEPS: u64 = 10;
@@ -229,12 +228,12 @@ impl<'a> Trial<'a> {
         };
         trial.step(None, 0.0, true).map_err(|source| trial.failed(source))?;
         trial.start = trial.in_palm();
-        let held = pose(&trial.sim, trial.target);
+        let held = trial.sim.body_pose(trial.target);
         let touching = trial.grasp().contacts().iter().filter(|c| c.normal_force() > 0.0);
         trial.touched = touching
             .map(|c| {
                 let at = Point3::from(c.position);
-                let on_link = pose(&trial.sim, c.link_id).inverse_transform_point(&at);
+                let on_link = trial.sim.body_pose(c.link_id).inverse_transform_point(&at);
                 (c.link_id, on_link, held.inverse_transform_point(&at))
             })
             .collect();
@@ -258,7 +257,7 @@ impl<'a> Trial<'a> {
 
     /// Pose of the target in the palm.
     fn in_palm(&self) -> Isometry3<f64> {
-        pose(&self.sim, self.palm).inv_mul(&pose(&self.sim, self.target))
+        self.sim.body_pose(self.palm).inv_mul(&self.sim.body_pose(self.target))
     }
 
     /// Whether a finger presses on the target.
@@ -321,9 +320,9 @@ impl<'a> Trial<'a> {
     fn look(&mut self) {
         let now = self.in_palm();
         self.offset = (now.translation.vector - self.start.translation.vector).norm();
-        let held = pose(&self.sim, self.target);
+        let held = self.sim.body_pose(self.target);
         let slips = self.touched.iter().map(|(link, on_link, on_target)| {
-            (pose(&self.sim, *link).transform_point(on_link) - held.transform_point(on_target)).norm()
+            (self.sim.body_pose(*link).transform_point(on_link) - held.transform_point(on_target)).norm()
         });
         let slip = slips.fold(0.0, f64::max);
         let most = |known: &mut Option<f64>, value: f64| *known = Some(known.map_or(value, |known| known.max(value)));

@@ -52,7 +52,6 @@ fn of(sim: &Simulation, grasp: &Grasp) -> Vec<Bar> {
         return (0..6).map(|axis| Bar { name: AXES[axis].to_owned(), share: share(axis) }).collect();
     }
     let (model, cone) = (sim.model(), sim.model().cone());
-    let name = |link: BodyId| model.body_name(link).map_or_else(|| format!("body{}", link.index()), str::to_owned);
     let share = |link: BodyId| {
         let own = grasp.contacts().iter().filter(|c| c.link_id == link);
         own.filter_map(|c| c.friction_share(cone)).reduce(f64::max)
@@ -60,5 +59,5 @@ fn of(sim: &Simulation, grasp: &Grasp) -> Vec<Bar> {
     let mut links: Vec<BodyId> = grasp.contacts().iter().map(|c| c.link_id).collect();
     links.sort_unstable();
     links.dedup();
-    links.into_iter().filter_map(|link| share(link).map(|share| Bar { name: name(link), share })).collect()
+    links.into_iter().filter_map(|link| share(link).map(|share| Bar { name: model.body_column(link), share })).collect()
 }
