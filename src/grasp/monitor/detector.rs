@@ -12,6 +12,10 @@ use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
 use crate::mujoco::{self, Clearance, Contact, GeomId, GeomSets, PairCollider, Simulation};
 
+/// After the engine's stage might have found other contacts, as where two geoms do no more than touch, it is not tried to do
+/// without it for twice as many steps as before, up to so many.
+const MAX_PAUSE: usize = 16;
+
 /// Pairs of bodies, besides hands and their targets, whose contacts are found directly.
 const MAX_NEAR: usize = 32;
 
@@ -28,6 +32,9 @@ pub(in crate::grasp) struct Detector {
     /// Not in all versions of the engine, nor for all kinds of contacts.
     direct: Option<(PairCollider, Clearance)>,
     found: Vec<Contact>,
+    /// The length of the last pause from trying to do without the engine's stage, and what is left of it.
+    pause: usize,
+    left: usize,
     /// In the last call nothing could touch but what is looked at.
     certified: bool,
 }
@@ -50,6 +57,8 @@ impl Detector {
             near: 0,
             direct,
             found: Vec::new(),
+            pause: 0,
+            left: 0,
             certified: false,
         })
     }
@@ -96,8 +105,14 @@ impl Detector {
             return Ok(false);
         }
         self.certified = true;
+        if self.left > 0 {
+            self.left -= 1;
+            return Ok(false);
+        }
         collider.collide(sim, &mut self.found)?;
         let alike = collider.is_certain(sim, &self.found);
+        self.pause = if alike { 0 } else { (2 * self.pause).clamp(1, MAX_PAUSE) };
+        self.left = self.pause;
         if alike {
             sim.skip_collision();
             for contact in &self.found {
