@@ -200,13 +200,13 @@ impl Grasps {
     /// Solves the latched grasps with friction cones, those that move each other as one problem; returns how many of the
     /// engine's rows were solved with them.
     fn solve_cones(&mut self, sim: &Simulation) -> Result<usize, Error> {
+        let alone = self.latched().count() == 1;
         let made_from = if self.frozen.is_now() {
             self.list.iter_mut().for_each(Grasp::unsolve);
             Rows::Frozen
         } else {
-            Rows::Made { welds: self.weld_rows(sim) }
+            Rows::Made { welds: self.weld_rows(sim), alone }
         };
-        let alone = self.latched().count() == 1;
         let mut rows = 0;
         for i in 0..self.list.len() {
             let Some((leader, others)) = self.list[i..].split_first_mut() else { break };

@@ -85,3 +85,36 @@ fn a_table_under_the_target() {
     let table = r#"<geom name="floor" type="plane" size="1 1 0.1" pos="0 0 0.265" rgba="0.4 0.45 0.5 1"/>"#;
     compare("table", &[(r#"<geom name="floor" type="plane" size="1 1 0.1" rgba="0.4 0.45 0.5 1"/>"#, table)], true);
 }
+
+/// A mechanism that has nothing to do with the hand: its rows are solved with the grasp, so that the engine's solver is not run for
+/// them, and come out as the engine has them.
+#[test]
+fn a_mechanism_elsewhere_moves_as_without_the_grasp() {
+    let mechanism = r#"<body name="door" pos="1 1 1"><joint name="hinge" axis="0 1 0" frictionloss="0.01" limited="true" range="-3 0.3"/>
+      <geom size="0.02" pos="0.2 0 0" mass="0.2"/><body pos="0.2 0 0"><joint name="latch" axis="0 1 0"/>
+      <geom size="0.02" pos="0.1 0 0" mass="0.1"/></body></body></worldbody>"#;
+    let coupled = r#"<equality><joint joint1="latch" joint2="hinge" polycoef="0 0.5 0 0 0"/></equality><actuator>"#;
+    for cone in [r#"cone="elliptic""#, r#"cone="pyramidal""#] {
+        let (key, longer) = ("0 0 0.3 1 0 0 0", "0 0 0.3 1 0 0 0 0 0");
+        let no_noslip = ("noslip_iterations=\"50\"", "");
+        let rows = [("</worldbody>", mechanism), ("<actuator>", coupled), (key, longer)];
+        let changes = [&rows[..], &[(r#"cone="elliptic""#, cone), no_noslip]].concat();
+        let mut claw = claw_with(&changes);
+        claw.run(0.3);
+        assert_eq!(claw.grasp().phase(), Phase::Grasped);
+        let nv = claw.sim.model().nv();
+        let (mut most_rows, mut moves) = (0, 0.0f64);
+        for k in 0..200 {
+            claw.sim.qfrc_applied_mut()[nv - 2] = 2.0 * (0.1 * k as f64).sin();
+            let exact = one_step::engine(&claw.sim);
+            claw.step();
+            for dof in nv - 2..nv {
+                let [ours, theirs] = [&claw.sim, &exact].map(|sim| sim.qacc()[dof]);
+                assert!((ours - theirs).abs() < 1e-6 * theirs.abs().max(1.0), "{cone}, {dof}: {ours}, not {theirs}");
+                moves = moves.max(theirs.abs());
+            }
+            most_rows = most_rows.max(claw.sim.nefc());
+        }
+        assert!(moves > 1.0 && most_rows >= 3, "{cone}: it moves by {moves} under {most_rows} rows");
+    }
+}

@@ -16,6 +16,9 @@ mod saved;
 
 pub(in crate::grasp) use saved::SavedConstraint;
 
+/// Most constraints elsewhere that are solved with a grasp: one at a time they cost little, but what is dense is the engine's.
+const MAX_ELSEWHERE: usize = 64;
+
 /// One constraint that is not the grasp's own.
 #[derive(Clone, Debug)]
 pub struct CoupledConstraint {
@@ -73,16 +76,19 @@ pub struct CoupledConstraints {
     jacobian: Vec<f64>,
     bias: Vec<f64>,
     friction_pass: bool,
+    /// No other solve takes what does not move with this grasp.
+    alone: bool,
     foreign: Vec<GraspContact>,
 }
 
 impl CoupledConstraints {
     /// Reads the engine's current rows, `welds` among them being those of merged grasps; after its smooth acceleration is
-    /// known.
+    /// known. `alone`: no other grasp is latched.
     ///
     /// # Errors
     /// What the engine reports.
-    pub fn read(&mut self, sim: &Simulation, welds: &Range<usize>) -> Result<(), Error> {
+    pub fn read(&mut self, sim: &Simulation, welds: &Range<usize>, alone: bool) -> Result<(), Error> {
+        self.alone = alone;
         std::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
         self.jacobian.clear();
@@ -118,6 +124,14 @@ impl CoupledConstraints {
                 *bias = crate::grasp::linalg::dot(row, acceleration) - n.reference(reference, k);
             }
         }
+    }
+
+    /// Whether those that do not move with the grasp, whose numbers are `elsewhere`, are solved with it, too: where that leaves
+    /// the engine's solver nothing to do. Contacts elsewhere are the engine's, to whose accuracy the user has set it.
+    pub fn takes(&self, elsewhere: impl Iterator<Item = usize> + Clone) -> bool {
+        self.alone
+            && elsewhere.clone().count() <= MAX_ELSEWHERE
+            && elsewhere.map(|i| &self.list[i]).all(|n| !n.is_contact())
     }
 
     /// The constraint that stands for foreign contact `number`.
@@ -333,6 +347,11 @@ impl CoupledConstraint {
             row: 0,
             owner,
         }
+    }
+
+    /// True of a contact with friction.
+    fn is_contact(&self) -> bool {
+        matches!(self.cost, Cost::Elliptic { .. } | Cost::Pyramidal { .. })
     }
 
     /// Number among the foreign, of another grasp's contact.

@@ -126,7 +126,7 @@ impl JointGroups {
             return;
         }
         self.read(dynamics, inverse_inertia, coupled);
-        self.gather();
+        self.gather(coupled);
     }
 
     /// Number of groups.
@@ -267,7 +267,7 @@ impl JointGroups {
     }
 
     /// Makes a group of each set of joined nodes that moves with the grasp.
-    fn gather(&mut self) {
+    fn gather(&mut self, coupled: &CoupledConstraints) {
         self.group_of.fill(NONE);
         for finger in 0..self.fingers {
             if self.has_contact[finger] {
@@ -283,6 +283,7 @@ impl JointGroups {
                 _ => {}
             }
         }
+        self.gather_elsewhere(coupled);
         for i in 0..self.moved.len() {
             if let Some(node) = self.moved[i].node {
                 let set = find(&mut self.parent, node);
@@ -295,6 +296,27 @@ impl JointGroups {
             let set = find(&mut self.parent, node);
             if self.group_of[set] != NONE {
                 self.add_node(self.group_of[set], node);
+            }
+        }
+    }
+
+    /// And of those that do not, if they are taken.
+    fn gather_elsewhere(&mut self, coupled: &CoupledConstraints) {
+        let JointGroups { moved, parent, group_of, .. } = self;
+        let grouped = |i: usize| match moved[i] {
+            Moved { node: Some(node), .. } => group_of[root_of(parent, node)] != NONE,
+            Moved { root, .. } => root,
+        };
+        if !coupled.takes((0..moved.len()).filter(|&i| !grouped(i))) {
+            return;
+        }
+        for i in 0..self.moved.len() {
+            match self.moved[i] {
+                Moved { node: Some(node), .. } => {
+                    self.group_at(node);
+                }
+                Moved { root: false, .. } => self.free.push(i),
+                _ => {}
             }
         }
     }
@@ -318,7 +340,15 @@ impl JointGroups {
     }
 }
 
-/// The representative of a set, with path halving.
+/// The representative of a set.
+fn root_of(parent: &[usize], mut node: usize) -> usize {
+    while parent[node] != node {
+        node = parent[node];
+    }
+    node
+}
+
+/// The same, with path halving.
 fn find(parent: &mut [usize], mut node: usize) -> usize {
     while parent[node] != node {
         parent[node] = parent[parent[node]];

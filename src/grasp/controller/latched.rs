@@ -16,8 +16,8 @@ use std::ops::Range;
 
 /// Where the rows of a solve come from.
 pub(in crate::grasp) enum Rows {
-    /// They were made in this step; of the engine's, `welds` belong to merged grasps.
-    Made { welds: Range<usize> },
+    /// They were made in this step; of the engine's, `welds` belong to merged grasps. `alone`: no other grasp is latched.
+    Made { welds: Range<usize>, alone: bool },
     /// They are those of the last step.
     Frozen,
 }
@@ -145,8 +145,8 @@ impl Grasp {
         let options = SolverOptions::of(sim.model());
         let contacts = self.set.contacts_mut();
         self.status = match rows {
-            Rows::Made { welds } => {
-                self.coupled.read(sim, welds)?;
+            Rows::Made { welds, alone } => {
+                self.coupled.read(sim, welds, *alone)?;
                 for other in others.iter().filter(|g| g.awaits_solve()) {
                     self.coupled.invite(&dynamics, &other.topology, &options, other.set.contacts());
                 }
