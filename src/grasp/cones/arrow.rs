@@ -15,6 +15,7 @@
 mod branch;
 mod hessian;
 mod kernels;
+mod line_search;
 mod newton;
 mod single;
 
@@ -49,6 +50,8 @@ struct Block {
     row0: usize,
     cost: Cost,
     response: Response,
+    /// The residual that it is expected to have, where it slides.
+    expected: Option<[f64; MAX_ROWS]>,
     mobility: f64,
 }
 
@@ -194,7 +197,15 @@ impl Arrow {
     pub fn add_block(&mut self, cost: Cost, active_set: ActiveSet, bias: &[f64], forces: &[f64]) -> usize {
         let Some(branch) = self.branches.last_mut() else { return 0 };
         if self.used == self.blocks.len() {
-            self.blocks.push(Block { branch: 0, rows: 0, row0: 0, cost, response: Response::open(), mobility: 0.0 });
+            self.blocks.push(Block {
+                branch: 0,
+                rows: 0,
+                row0: 0,
+                cost,
+                response: Response::open(),
+                expected: None,
+                mobility: 0.0,
+            });
         }
         branch.blocks.1 += 1;
         branch.rows += bias.len();
@@ -202,7 +213,7 @@ impl Arrow {
         // second derivatives are many numbers: those of an earlier problem stay until they are set in this one
         let block = &mut self.blocks[self.used];
         (block.branch, block.rows, block.row0) = (self.branches.len() - 1, bias.len(), self.bias.len());
-        block.cost = cost;
+        (block.cost, block.expected) = (cost, None);
         (block.response.force, block.response.active_set) = ([0.0; MAX_ROWS], active_set);
         self.used += 1;
         self.bias.extend_from_slice(bias);
@@ -314,8 +325,25 @@ impl Arrow {
     /// Gives block `block` another cost, the active set in which it is expected, and forces at which the next solve starts.
     pub fn recost(&mut self, block: usize, cost: Cost, active_set: ActiveSet, start: &[f64; MAX_ROWS]) {
         let b = &mut self.blocks[block];
-        (b.cost, b.response.active_set) = (cost, active_set);
+        (b.cost, b.response.active_set, b.expected) = (cost, active_set, None);
         self.start[b.row0..b.row0 + b.rows].copy_from_slice(&start[..b.rows]);
+    }
+
+    /// The residual that block `block` will have, about, in the rows that its cost governs: where it slides, its cost is taken
+    /// by the tangent there to begin with.
+    pub fn expect(&mut self, block: usize, residual: &[f64]) {
+        let mut expected = [0.0; MAX_ROWS];
+        expected[..residual.len()].copy_from_slice(residual);
+        self.blocks[block].expected = Some(expected);
+    }
+
+    /// As [`expect`](Self::expect): the residual that it has.
+    pub fn expect_same(&mut self, block: usize) {
+        let b = &self.blocks[block];
+        let (first, end) = (b.row0 + b.first_row(), b.row0 + b.rows);
+        let mut expected = [0.0; MAX_ROWS];
+        expected[..end - first].copy_from_slice(&self.jar[first..end]);
+        self.blocks[block].expected = Some(expected);
     }
 
     /// As [`recost`](Self::recost), of cost `single`.

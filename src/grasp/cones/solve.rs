@@ -8,7 +8,7 @@
 //!    does not creep, and what the motion does not decide (several contacts on one link) is as the first pass has it.
 //!
 //! Other constraints that move with hand or target, the contacts of other grasps among them, are part of
-//! both passes.
+//! both passes; and those that do not, where the engine's solver then has nothing left to do.
 
 mod friction;
 mod resume;
@@ -133,6 +133,8 @@ impl GraspSolver {
                 contact.force_rows[j] = response.force[j - 1];
             }
             contact.active_sets[1] = response.active_set;
+            let residual = &self.arrow.residual(block)[1..];
+            contact.residual[..residual.len()].copy_from_slice(residual);
             contact.update_force();
         }
         for (single, &i) in self.singles.iter().enumerate() {

@@ -55,6 +55,8 @@ pub struct GraspContact {
     pub active_sets: [ActiveSet; 2],
     /// Force of each row in the pass with soft contacts.
     pub(in crate::grasp) main: [f64; 6],
+    /// `J a - aref` of each friction row in the friction pass.
+    pub(in crate::grasp) residual: [f64; 5],
     /// The last degrees of freedom that move the link and the target.
     pub(in crate::grasp) leaves: [Option<usize>; 2],
     /// What the geometry, had it not been frozen, would have added to the target's velocity relative to the link: rotation and
@@ -233,6 +235,7 @@ impl GraspContact {
             torque: Vector3::zeros(),
             active_sets: [ActiveSet::Open; 2],
             main: [0.0; 6],
+            residual: [0.0; 5],
             solved: false,
             slip_velocity: Vector3::zeros(),
             warm_start: None,

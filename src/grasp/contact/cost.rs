@@ -211,6 +211,16 @@ impl Cost {
 }
 
 impl Cost {
+    /// As [`respond_into`](Self::respond_into), by the tangent at another residual: close where the cost is not affine but the
+    /// residual will turn out to be about `expected`. `cost` is not set.
+    pub fn respond_near(&self, jar: &[f64], expected: &[f64], out: &mut Response) {
+        self.respond_into(expected, out);
+        for (force, row) in out.force.iter_mut().zip(out.hessian.chunks_exact(MAX_ROWS)).take(jar.len()) {
+            let change = jar.iter().zip(expected).zip(row).map(|((jar, expected), h)| h * (jar - expected));
+            *force -= change.sum::<f64>();
+        }
+    }
+
     /// The force if the contact stays in `active_set`: on an affine active set the cost's affine piece, continued beyond the active set;
     /// elsewhere the cost itself. A guess to start from: `cost` is not set.
     pub fn respond_in(&self, jar: &[f64], active_set: ActiveSet, out: &mut Response) {

@@ -107,7 +107,8 @@ impl Branch {
                 }
             }
             for i in 0..self.root {
-                axpy_lanes(-row[i] * inverse, &row[..self.root], &mut root[i * self.root..(i + 1) * self.root]);
+                let out = &mut root[i * self.root..(i + 1) * self.root];
+                axpy_lanes(-row[i] * inverse, &row[..lower(i)], out);
             }
             row.iter_mut().for_each(|x| *x *= inverse);
         }
@@ -152,7 +153,7 @@ impl Branch {
         }
     }
 
-    /// Adds `J' C J` of one block to the root's Hessian and the branch's own rows.
+    /// Adds `J' C J` of one block to the lower triangle of the root's Hessian and the branch's own rows.
     #[inline(always)]
     pub fn add_block(&self, block: &Block, matrix: &[f64], stiff: &mut [f64], root: &mut [f64], own: &mut [f64]) {
         let first = block.first_row();
@@ -203,7 +204,7 @@ impl Branch {
             for k in 0..D {
                 scale[k] = row[k][i];
             }
-            add_rows(&scale, &first, out);
+            add_rows(&scale, &first, &mut out[..lower(i) / LANES]);
         }
         let own = own[..self.width * stride].as_chunks_mut().0;
         for (j, out) in own.chunks_exact_mut(stride / LANES).enumerate() {
@@ -219,6 +220,12 @@ impl Branch {
             }
         }
     }
+}
+
+/// How much of row `i` of a lower triangle there is, in whole vectors.
+#[inline(always)]
+pub(super) fn lower(i: usize) -> usize {
+    (i / LANES + 1) * LANES
 }
 
 type Lanes = [f64; LANES];

@@ -1,6 +1,6 @@
 //! What a solve of an [`Arrow`] spends its time in, compiled for each kind of processor.
 
-use super::branch::{Branch, unrolled};
+use super::branch::{Branch, lower, unrolled};
 use super::{Arrow, ROOT, RootVector};
 use crate::grasp::linalg::{axpy_lanes, dot_lanes};
 use pulp::{Arch, Simd, WithSimd};
@@ -277,7 +277,7 @@ fn factorize_root(n: usize, hessian: &mut [f64], pivots: &mut RootVector) {
         pivots[j] = inverse;
         row[j..].fill(0.0);
         for (i, above) in above.chunks_exact_mut(n).enumerate() {
-            axpy_lanes(-row[i] * inverse, row, above);
+            axpy_lanes(-row[i] * inverse, &row[..lower(i)], above);
         }
         row.iter_mut().for_each(|x| *x *= inverse);
     }

@@ -4,7 +4,7 @@ use super::branch::Branch;
 use super::kernels::Kernel;
 use super::single::Single;
 use super::{Arrow, ROOT, RootVector, Status};
-use crate::grasp::contact::cost::MAX_ROWS;
+use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
 use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
 
 /// Gradient norm, relative to that of the inertial forces and in the metric of the inverse inertia, below which a point counts
@@ -14,10 +14,9 @@ const TOLERANCE: f64 = 1e-6;
 /// one step in some thousands takes 60 to 150. Giving up is dear: one step of unsolved friction puts the target up to
 /// millimetres off.
 const MAX_ITERATIONS: usize = 1000;
-/// Sufficient decrease of the backtracking line search (Armijo).
-const ARMIJO: f64 = 1e-4;
-/// Halvings of the Newton step before the line search gives up.
-const MAX_HALVINGS: usize = 40;
+/// Share of the cost below which a decrease is rounding: if the gradient does not halve either, there is no descent left at this
+/// precision.
+const PRECISION: f64 = 1e-14;
 
 impl Arrow {
     /// Minimises from the start `z` and leaves the solution there.
@@ -43,58 +42,41 @@ impl Arrow {
     fn minimise(&mut self, z: &mut RootVector) -> Status {
         self.hold_joints();
         self.run(Kernel::Start(z));
-        self.expect();
+        self.take_expected();
         let (mut gradient, _) = self.inertial_forces(z);
         self.run(Kernel::SubtractForces(&mut gradient));
-        let mut step = self.newton_step(&gradient);
+        let step = self.newton_step(&gradient);
         self.advance(1.0, &step, z);
         let (costs, affine) = self.respond();
         if affine {
             return Status { iterations: 1, converged: true };
         }
-        // Newton with a line search
-        let mut inertial;
-        (gradient, inertial) = self.inertial_forces(z);
+        let (mut gradient, mut inertial) = self.inertial_forces(z);
         let mut cost = costs + inertial;
+        let mut before = f64::INFINITY;
         for iterations in 1..MAX_ITERATIONS {
             self.run(Kernel::SubtractForces(&mut gradient));
             let size = self.gradient_norm(&gradient);
             if size <= TOLERANCE * (2.0 * inertial).sqrt().max(f64::MIN_POSITIVE) {
                 return Status { iterations, converged: true };
             }
-            step = self.newton_step(&gradient);
-            let decrease = self.along_step(&gradient, &step);
-            let slack = 1e-14 * cost.abs();
-            let mut length = 1.0;
-            let mut accepted = None;
-            self.advance(length, &step, z);
-            for _ in 0..MAX_HALVINGS {
-                let (costs, affine) = self.respond();
-                (gradient, inertial) = self.inertial_forces(z);
-                let trial = costs + inertial;
-                if trial <= cost + ARMIJO * length * decrease + slack {
-                    accepted = Some((trial, affine && length == 1.0));
-                    break;
-                }
-                length *= 0.5;
-                self.advance(-length, &step, z);
+            let step = self.newton_step(&gradient);
+            let decrease = -self.along_step(&gradient, &step);
+            if decrease <= PRECISION * cost.abs() && size > 0.5 * before {
+                return Status { iterations, converged: false };
             }
-            let Some((trial, exact)) = accepted else {
-                // no descent left at this precision
-                self.advance(-length, &step, z);
-                self.respond();
-                return Status { iterations, converged: size <= TOLERANCE * (2.0 * inertial).sqrt() };
-            };
-            cost = trial;
-            if exact {
+            before = size;
+            let found = self.search(decrease, &step, z);
+            if found.exact {
                 return Status { iterations: iterations + 1, converged: true };
             }
+            (gradient, inertial, cost) = (found.momentum, found.inertial, found.costs + found.inertial);
         }
         Status { iterations: MAX_ITERATIONS, converged: false }
     }
 
     /// Inertial forces of the point, the root's returned and the branches' in `gradient`; and their cost.
-    fn inertial_forces(&mut self, z: &RootVector) -> (RootVector, f64) {
+    pub(super) fn inertial_forces(&mut self, z: &RootVector) -> (RootVector, f64) {
         let (mut root, mut cost) = ([0.0; ROOT], 0.0);
         self.run(Kernel::Momentum(z, &mut root, &mut cost));
         (root, cost)
@@ -122,17 +104,23 @@ impl Arrow {
     }
 
     /// Forces and second derivatives if each cost is in the active set that is expected.
-    fn expect(&mut self) {
+    fn take_expected(&mut self) {
         for b in &mut self.blocks[..self.used] {
             let active_set = b.response.active_set;
-            b.cost.respond_in(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], active_set, &mut b.response);
+            let jar = &self.jar[b.row0 + b.first_row()..b.row0 + b.rows];
+            match &b.expected {
+                Some(expected) if active_set == ActiveSet::Slide => {
+                    b.cost.respond_near(jar, &expected[..jar.len()], &mut b.response);
+                }
+                _ => b.cost.respond_in(jar, active_set, &mut b.response),
+            }
             b.store_force(&mut self.forces);
         }
         self.singles.iter_mut().for_each(Single::respond_in);
     }
 
     /// Evaluates every cost; returns the summed cost and whether all active sets are those of the Hessian and affine.
-    fn respond(&mut self) -> (f64, bool) {
+    pub(super) fn respond(&mut self) -> (f64, bool) {
         let (mut cost, mut affine) = (0.0, true);
         for (i, b) in self.blocks[..self.used].iter_mut().enumerate() {
             b.cost.respond_into(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows], &mut b.response);
@@ -148,7 +136,7 @@ impl Arrow {
     }
 
     /// Moves `z`, `d` and the residuals along the Newton step.
-    fn advance(&mut self, length: f64, step: &RootVector, z: &mut RootVector) {
+    pub(super) fn advance(&mut self, length: f64, step: &RootVector, z: &mut RootVector) {
         axpy_lanes(length, step, z);
         axpy_lanes(length, &self.step, &mut self.point);
         linalg::axpy(length, &self.slope, &mut self.jar);
@@ -173,7 +161,7 @@ impl Arrow {
     }
 
     /// What the cost falls by per unit of the Newton step.
-    fn along_step(&self, gradient: &RootVector, step: &RootVector) -> f64 {
+    pub(super) fn along_step(&self, gradient: &RootVector, step: &RootVector) -> f64 {
         let own = |b: &Branch| b.local + b.root..b.local + b.stride;
         let of_branch = |b: &Branch| dot_lanes(&self.gradient[own(b)], &self.step[own(b)]);
         dot_lanes(gradient, step) + self.branches.iter().map(of_branch).sum::<f64>()

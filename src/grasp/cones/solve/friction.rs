@@ -39,6 +39,7 @@ impl GraspSolver {
             let cost = if gives(member) { *cost } else { cost.centred(&response.force) };
             let active_set = response.active_set;
             self.arrow.recost(block, cost, active_set, &start);
+            self.arrow.expect_same(block);
         }
         self.arrow.centre_singles();
         true
@@ -127,6 +128,9 @@ fn friction_of_contact(arrow: &mut Arrow, block: usize, contact: &mut GraspConta
     let mut start = [0.0; MAX_ROWS];
     start[1..rows].copy_from_slice(&centre[..rows - 1]);
     arrow.recost(block, cost, active_set, &start);
+    if let Some(memory) = contact.warm_start() {
+        arrow.expect(block, &memory.residual[..rows - 1]);
+    }
 }
 
 fn friction_of_coupled(arrow: &mut Arrow, block: usize, coupled: &mut CoupledConstraints, i: usize) {

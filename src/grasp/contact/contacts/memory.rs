@@ -15,6 +15,8 @@ pub(in crate::grasp) struct WarmStart {
     pub correction: Option<[f64; 5]>,
     /// Where on its cone it was.
     pub active_sets: [ActiveSet; 2],
+    /// Residual of each friction row in the friction pass.
+    pub residual: [f64; 5],
 }
 
 /// What a contact hands on to the next step.
@@ -31,6 +33,9 @@ pub(in crate::grasp) struct SavedContact {
     /// What the friction pass changed in them; `None` if the engine solved the contact.
     pub correction: Option<[Vector3<f64>; 2]>,
     pub active_sets: [ActiveSet; 2],
+    /// Residual of friction in the friction pass, world axes.
+    #[serde(default)]
+    pub residual: [Vector3<f64>; 2],
 }
 
 impl SavedContact {
@@ -38,7 +43,8 @@ impl SavedContact {
         let [n, t1, t2] = &contact.axes;
         let (f, main) = (&contact.force_rows, &contact.main);
         let friction = [contact.force - n * f[0], contact.torque];
-        let soft = [t1 * main[1] + t2 * main[2], n * main[3] + t1 * main[4] + t2 * main[5]];
+        let world = |rows: &[f64]| [t1 * rows[0] + t2 * rows[1], n * rows[2] + t1 * rows[3] + t2 * rows[4]];
+        let soft = world(&main[1..]);
         let correction = [friction[0] - soft[0], friction[1] - soft[1]];
         SavedContact {
             geoms: contact.geoms,
@@ -48,6 +54,7 @@ impl SavedContact {
             friction,
             correction: contact.solved.then_some(correction),
             active_sets: contact.active_sets,
+            residual: world(&contact.residual),
         }
     }
 
@@ -62,13 +69,14 @@ impl SavedContact {
             friction: rows(&self.friction),
             correction: self.correction.as_ref().map(rows),
             active_sets: self.active_sets,
+            residual: rows(&self.residual),
         }
     }
 
     /// True if every number is finite.
     pub fn is_finite(&self) -> bool {
-        let vectors =
-            self.friction.iter().chain(self.correction.iter().flatten()).chain([&self.position, &self.normal]);
+        let friction = self.friction.iter().chain(self.correction.iter().flatten()).chain(&self.residual);
+        let vectors = friction.chain([&self.position, &self.normal]);
         vectors.flat_map(|v| v.iter()).chain(&self.main).all(|x| x.is_finite())
     }
 }

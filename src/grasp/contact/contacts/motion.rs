@@ -68,8 +68,8 @@ impl GraspContact {
         friction.copy_from_slice(&self.force_rows[1..]);
         let mut correction = friction;
         correction.iter_mut().zip(&self.main[1..]).for_each(|(correction, main)| *correction -= main);
-        let (main, active_sets) = (self.main, self.active_sets);
-        self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets });
+        let GraspContact { main, active_sets, residual, .. } = *self;
+        self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets, residual });
     }
 
     /// Adds what the contact's force adds to the generalised force with each further step, to first order in time: its point
