@@ -50,7 +50,7 @@ struct Block {
     row0: usize,
     cost: Cost,
     response: Response,
-    /// The residual that it is expected to have, where it slides.
+    /// The residual at whose tangent the solve begins.
     expected: Option<[f64; MAX_ROWS]>,
     mobility: f64,
 }
@@ -329,8 +329,8 @@ impl Arrow {
         self.start[b.row0..b.row0 + b.rows].copy_from_slice(&start[..b.rows]);
     }
 
-    /// The residual that block `block` will have, about, in the rows that its cost governs: where it slides, its cost is taken
-    /// by the tangent there to begin with.
+    /// The residual that block `block` will have, about, in the rows that its cost governs: the solve begins with the tangent there,
+    /// and not with the active set that is expected.
     pub fn expect(&mut self, block: usize, residual: &[f64]) {
         let mut expected = [0.0; MAX_ROWS];
         expected[..residual.len()].copy_from_slice(residual);

@@ -4,7 +4,7 @@ use super::branch::Branch;
 use super::kernels::Kernel;
 use super::single::Single;
 use super::{Arrow, ROOT, RootVector, Status};
-use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
+use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
 
 /// Gradient norm, relative to that of the inertial forces and in the metric of the inverse inertia, below which a point counts
@@ -109,10 +109,8 @@ impl Arrow {
             let active_set = b.response.active_set;
             let jar = &self.jar[b.row0 + b.first_row()..b.row0 + b.rows];
             match &b.expected {
-                Some(expected) if active_set == ActiveSet::Slide => {
-                    b.cost.respond_near(jar, &expected[..jar.len()], &mut b.response);
-                }
-                _ => b.cost.respond_in(jar, active_set, &mut b.response),
+                Some(expected) => b.cost.respond_near(jar, &expected[..jar.len()], &mut b.response),
+                None => b.cost.respond_in(jar, active_set, &mut b.response),
             }
             b.store_force(&mut self.forces);
         }

@@ -39,7 +39,9 @@ impl GraspSolver {
             let cost = if gives(member) { *cost } else { cost.centred(&response.force) };
             let active_set = response.active_set;
             self.arrow.recost(block, cost, active_set, &start);
-            self.arrow.expect_same(block);
+            if active_set == ActiveSet::Slide {
+                self.arrow.expect_same(block);
+            }
         }
         self.arrow.centre_singles();
         true
@@ -128,7 +130,7 @@ fn friction_of_contact(arrow: &mut Arrow, block: usize, contact: &mut GraspConta
     let mut start = [0.0; MAX_ROWS];
     start[1..rows].copy_from_slice(&centre[..rows - 1]);
     arrow.recost(block, cost, active_set, &start);
-    if let Some(memory) = contact.warm_start() {
+    if let Some(memory) = contact.warm_start().filter(|_| active_set == ActiveSet::Slide) {
         arrow.expect(block, &memory.residual[..rows - 1]);
     }
 }
