@@ -13,11 +13,14 @@ const THICKNESS: f64 = 0.01;
 const DISC: f64 = 0.09;
 const SHAFT: f64 = 0.025;
 
-/// Adds the contacts of a grasp: discs and cones, and forces. The scale is such that a force like the target's weight is as
-/// long as the target's radius.
+/// A force like the target's weight is as long as this part of the target's radius: a hand that holds it against a push presses
+/// several times as hard, and its cones are to leave something to be seen.
+const WEIGHT: f64 = 0.5;
+
+/// Adds the contacts of a grasp: discs and cones, and forces.
 pub fn add(sim: &Simulation, grasp: &Grasp, (contacts, forces): (bool, bool), drawing: &mut Drawing) {
     let radius = radius(sim, grasp);
-    let scale = radius / weight(sim, grasp);
+    let scale = WEIGHT * radius / weight(sim, grasp);
     let cone = sim.model().cone();
     for contact in grasp.contacts() {
         let share = contact.friction_share(cone).unwrap_or(0.0);
@@ -26,7 +29,7 @@ pub fn add(sim: &Simulation, grasp: &Grasp, (contacts, forces): (bool, bool), dr
             let half = 0.5 * THICKNESS * radius * contact.axes[0];
             let ends = [contact.position - half, contact.position + half];
             drawing.segments.push(Segment { ends, radius: Some(DISC * radius), rgba: [r, g, b, 0.9] });
-            net(contact, cone, scale, [r, g, b, 0.8], drawing);
+            net(contact, cone, scale, [r, g, b, 0.5], drawing);
         }
         if forces {
             let arrow = Arrow::from_point(contact.position, contact.force, scale, [r, g, b, 1.0]);
