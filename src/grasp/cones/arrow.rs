@@ -332,18 +332,13 @@ impl Arrow {
     /// The residual that block `block` will have, about, in the rows that its cost governs: the solve begins with the tangent there,
     /// and not with the active set that is expected.
     pub fn expect(&mut self, block: usize, residual: &[f64]) {
-        let mut expected = [0.0; MAX_ROWS];
-        expected[..residual.len()].copy_from_slice(residual);
-        self.blocks[block].expected = Some(expected);
+        self.blocks[block].expect(residual);
     }
 
     /// As [`expect`](Self::expect): the residual that it has.
     pub fn expect_same(&mut self, block: usize) {
-        let b = &self.blocks[block];
-        let (first, end) = (b.row0 + b.first_row(), b.row0 + b.rows);
-        let mut expected = [0.0; MAX_ROWS];
-        expected[..end - first].copy_from_slice(&self.jar[first..end]);
-        self.blocks[block].expected = Some(expected);
+        let b = &mut self.blocks[block];
+        b.expect(&self.jar[b.row0 + b.first_row()..b.row0 + b.rows]);
     }
 
     /// As [`recost`](Self::recost), of cost `single`.
@@ -362,6 +357,12 @@ impl Block {
     #[inline(always)]
     fn first_row(&self) -> usize {
         usize::from(matches!(self.cost, Cost::Slip { .. }))
+    }
+
+    fn expect(&mut self, residual: &[f64]) {
+        let mut expected = [0.0; MAX_ROWS];
+        expected[..residual.len()].copy_from_slice(residual);
+        self.expected = Some(expected);
     }
 
     #[inline(always)]

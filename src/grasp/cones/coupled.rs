@@ -16,9 +16,6 @@ mod saved;
 
 pub(in crate::grasp) use saved::SavedConstraint;
 
-/// Most constraints elsewhere that are solved with a grasp: one at a time they cost little, but what is dense is the engine's.
-const MAX_ELSEWHERE: usize = 64;
-
 /// One constraint that is not the grasp's own.
 #[derive(Clone, Debug)]
 pub struct CoupledConstraint {
@@ -126,12 +123,10 @@ impl CoupledConstraints {
         }
     }
 
-    /// Whether those that do not move with the grasp, whose numbers are `elsewhere`, are solved with it, too: where that leaves
-    /// the engine's solver nothing to do. Contacts elsewhere are the engine's, to whose accuracy the user has set it.
-    pub fn takes(&self, elsewhere: impl Iterator<Item = usize> + Clone) -> bool {
-        self.alone
-            && elsewhere.clone().count() <= MAX_ELSEWHERE
-            && elsewhere.map(|i| &self.list[i]).all(|n| !n.is_contact())
+    /// Whether constraint `i`, which does not move with the grasp, may be solved with it, to leave the engine's solver nothing to
+    /// do. Contacts elsewhere are the engine's, to whose accuracy the user has set it.
+    pub fn takes(&self, i: usize) -> bool {
+        self.alone && !matches!(self.list[i].cost, Cost::Elliptic { .. } | Cost::Pyramidal { .. })
     }
 
     /// The constraint that stands for foreign contact `number`.
@@ -347,11 +342,6 @@ impl CoupledConstraint {
             row: 0,
             owner,
         }
-    }
-
-    /// True of a contact with friction.
-    fn is_contact(&self) -> bool {
-        matches!(self.cost, Cost::Elliptic { .. } | Cost::Pyramidal { .. })
     }
 
     /// Number among the foreign, of another grasp's contact.

@@ -57,6 +57,9 @@ struct Moved {
     first: usize,
 }
 
+/// Most constraints elsewhere that are solved with a grasp: one at a time they cost little, but what is dense is the engine's.
+const MAX_ELSEWHERE: usize = 64;
+
 /// No group.
 const NONE: usize = usize::MAX;
 
@@ -302,13 +305,16 @@ impl JointGroups {
 
     /// And of those that do not, if they are taken.
     fn gather_elsewhere(&mut self, coupled: &CoupledConstraints) {
-        let JointGroups { moved, parent, group_of, .. } = self;
-        let grouped = |i: usize| match moved[i] {
-            Moved { node: Some(node), .. } => group_of[root_of(parent, node)] != NONE,
-            Moved { root, .. } => root,
-        };
-        if !coupled.takes((0..moved.len()).filter(|&i| !grouped(i))) {
-            return;
+        let mut elsewhere = 0;
+        for (i, moved) in self.moved.iter().enumerate() {
+            let grouped = match moved.node {
+                Some(node) => self.group_of[find(&mut self.parent, node)] != NONE,
+                None => moved.root,
+            };
+            elsewhere += usize::from(!grouped);
+            if elsewhere > MAX_ELSEWHERE || !grouped && !coupled.takes(i) {
+                return;
+            }
         }
         for i in 0..self.moved.len() {
             match self.moved[i] {
@@ -340,15 +346,7 @@ impl JointGroups {
     }
 }
 
-/// The representative of a set.
-fn root_of(parent: &[usize], mut node: usize) -> usize {
-    while parent[node] != node {
-        node = parent[node];
-    }
-    node
-}
-
-/// The same, with path halving.
+/// The representative of a set, with path halving.
 fn find(parent: &mut [usize], mut node: usize) -> usize {
     while parent[node] != node {
         parent[node] = parent[parent[node]];

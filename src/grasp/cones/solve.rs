@@ -133,10 +133,8 @@ impl GraspSolver {
                 contact.force_rows[j] = response.force[j - 1];
             }
             contact.active_sets[1] = response.active_set;
-            if response.active_set == ActiveSet::Slide {
-                let residual = &self.arrow.residual(block)[1..];
-                contact.residual[..residual.len()].copy_from_slice(residual);
-            }
+            let residual = &self.arrow.residual(block)[1..];
+            contact.residual[..residual.len()].copy_from_slice(residual);
             contact.update_force();
         }
         for (single, &i) in self.singles.iter().enumerate() {

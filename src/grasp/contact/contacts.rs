@@ -55,7 +55,7 @@ pub struct GraspContact {
     pub active_sets: [ActiveSet; 2],
     /// Force of each row in the pass with soft contacts.
     pub(in crate::grasp) main: [f64; 6],
-    /// `J a - aref` of each friction row in the friction pass, where it slides on an elliptic cone.
+    /// `J a - aref` of each friction row in the friction pass.
     pub(in crate::grasp) residual: [f64; 5],
     /// The last degrees of freedom that move the link and the target.
     pub(in crate::grasp) leaves: [Option<usize>; 2],

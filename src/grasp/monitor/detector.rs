@@ -12,8 +12,8 @@ use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
 use crate::mujoco::{self, Clearance, Contact, GeomId, GeomSets, PairCollider, Simulation};
 
-/// After the engine's stage might have found other contacts, as where two geoms do no more than touch, it is not tried to do
-/// without it for twice as many steps as before, up to so many.
+/// Where the engine's stage might find other contacts, as where two geoms do no more than touch, the next steps are left to it
+/// at once: one, then twice as many each time, up to this number.
 const MAX_PAUSE: usize = 16;
 
 /// Pairs of bodies, besides hands and their targets, whose contacts are found directly.

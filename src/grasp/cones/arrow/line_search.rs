@@ -15,9 +15,8 @@ const MAX_TRIALS: usize = 20;
 
 /// The end of a search.
 pub(super) struct Found {
-    /// Cost of the contacts and the other constraints.
-    pub costs: f64,
-    /// Inertial cost, and the root's part of its gradient.
+    pub cost: f64,
+    /// The inertial part of the cost, and the root's part of its gradient.
     pub inertial: f64,
     pub momentum: RootVector,
     /// True if this is the minimum of the whole: the Newton step was taken as it is, on the affine pieces that it is of.
@@ -35,7 +34,7 @@ impl Arrow {
         let curvature = inertial_end - inertial_start;
         let mut derivative = inertial_end - self.force_along_step();
         if exact || derivative.abs() <= FLAT * decrease {
-            return Found { costs, inertial, momentum, exact };
+            return Found { cost: costs + inertial, inertial, momentum, exact };
         }
         let (mut low, mut high, mut length) = (0.0, f64::INFINITY, 1.0);
         for trial in 0.. {
@@ -63,7 +62,7 @@ impl Arrow {
             }
         }
         (momentum, inertial) = self.inertial_forces(z);
-        Found { costs, inertial, momentum, exact: false }
+        Found { cost: costs + inertial, inertial, momentum, exact: false }
     }
 
     /// `f . slope`

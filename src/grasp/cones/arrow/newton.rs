@@ -70,7 +70,7 @@ impl Arrow {
             if found.exact {
                 return Status { iterations: iterations + 1, converged: true };
             }
-            (gradient, inertial, cost) = (found.momentum, found.inertial, found.costs + found.inertial);
+            (gradient, inertial, cost) = (found.momentum, found.inertial, found.cost);
         }
         Status { iterations: MAX_ITERATIONS, converged: false }
     }

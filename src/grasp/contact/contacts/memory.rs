@@ -15,7 +15,7 @@ pub(in crate::grasp) struct WarmStart {
     pub correction: Option<[f64; 5]>,
     /// Where on its cone it was.
     pub active_sets: [ActiveSet; 2],
-    /// Residual of each friction row in the friction pass, of a contact that slides on an elliptic cone.
+    /// Residual of each friction row in the friction pass.
     pub residual: [f64; 5],
 }
 
@@ -33,7 +33,7 @@ pub(in crate::grasp) struct SavedContact {
     /// What the friction pass changed in them; `None` if the engine solved the contact.
     pub correction: Option<[Vector3<f64>; 2]>,
     pub active_sets: [ActiveSet; 2],
-    /// Residual of friction in the friction pass, world axes; zero where it does not slide on an elliptic cone.
+    /// Residual of friction in the friction pass, world axes.
     #[serde(default)]
     pub residual: [Vector3<f64>; 2],
 }
@@ -54,11 +54,7 @@ impl SavedContact {
             friction,
             correction: contact.solved.then_some(correction),
             active_sets: contact.active_sets,
-            residual: if contact.active_sets[1] == ActiveSet::Slide {
-                world(&contact.residual)
-            } else {
-                Default::default()
-            },
+            residual: world(&contact.residual),
         }
     }
 
@@ -73,7 +69,7 @@ impl SavedContact {
             friction: rows(&self.friction),
             correction: self.correction.as_ref().map(rows),
             active_sets: self.active_sets,
-            residual: if self.active_sets[1] == ActiveSet::Slide { rows(&self.residual) } else { [0.0; 5] },
+            residual: rows(&self.residual),
         }
     }
 
