@@ -1,6 +1,6 @@
 //! A virtual display with a mouse and keys: Xvfb and xdotool, which `scripts/setup` installs.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -16,8 +16,10 @@ pub struct Display {
 
 impl Display {
     pub fn start() -> Self {
+        // Without -noreset the server starts over whenever its last client leaves, and a window that opens just when
+        // xdotool leaves is never seen.
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
+            .args(["-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp", "-noreset"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -38,10 +40,17 @@ impl Display {
         String::from_utf8(output.stdout).expect("text").trim().to_owned()
     }
 
-    /// Waits for a window whose title is this regular expression's, gives it the keys, and returns its number.
-    pub fn window(&self, title: &str) -> String {
+    /// Waits for the program's window whose title is this regular expression's, gives it the keys, and returns its
+    /// number.
+    #[track_caller]
+    pub fn window(&self, program: &mut Child, title: &str) -> String {
         let mut found = String::new();
         wait(&format!("a window {title}"), || {
+            if let Some(status) = program.try_wait().expect("a program") {
+                let mut said = String::new();
+                program.stderr.take().expect("standard error").read_to_string(&mut said).expect("text");
+                panic!("the program has ended ({status}): {said}");
+            }
             found = self.xdotool(&["search", "--onlyvisible", "--name", title]);
             !found.is_empty()
         });

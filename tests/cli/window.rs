@@ -137,8 +137,8 @@ fn a_session_with_the_mouse_is_its_recording_bit_for_bit_without_a_window_and_in
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mouse.json");
     let display = Display::start();
-    let window = open(&display, folder.path(), &["--record", file.to_str().unwrap()]);
-    display.window("view claw$");
+    let mut window = open(&display, folder.path(), &["--record", file.to_str().unwrap()]);
+    display.window(&mut window, "view claw$");
     let pictures = || {
         let found = std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().path());
         found.filter(|p| p.extension().is_some_and(|e| e == "png")).collect::<Vec<_>>()
@@ -152,7 +152,7 @@ fn a_session_with_the_mouse_is_its_recording_bit_for_bit_without_a_window_and_in
     };
     wait("the latch", || steps() > LATCHED);
     display.xdotool(&["key", "space"]);
-    display.window("view claw, paused");
+    display.window(&mut window, "view claw, paused");
     // a picture with the list of keys and one without
     pictures().into_iter().for_each(|p| std::fs::remove_file(p).unwrap());
     display.xdotool(&["key", "p"]);
@@ -197,9 +197,9 @@ fn a_session_with_the_mouse_is_its_recording_bit_for_bit_without_a_window_and_in
     let replayed = recording.replay(&plan).unwrap();
     assert_eq!(replayed.digest(), digest, "without a window");
 
-    let window = open(&display, folder.path(), &["--replay", file.to_str().unwrap()]);
+    let mut window = open(&display, folder.path(), &["--replay", file.to_str().unwrap()]);
     // it pauses where the recording ends
-    display.window("view claw, paused");
+    display.window(&mut window, "view claw, paused");
     let report = close(&display, window);
     assert_eq!((&report["same_as_replayed"], &report["steps"]), (&true.into(), &recording.steps.into()));
     assert_eq!(serde_json::from_value::<Digest>(report["digest"].clone()).unwrap(), digest, "in a window");
