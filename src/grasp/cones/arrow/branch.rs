@@ -36,9 +36,12 @@ macro_rules! unrolled {
             (8, 8) => unrolled!(8, 8, $branch => $call),
             (8, 12) => unrolled!(8, 12, $branch => $call),
             (8, 16) => unrolled!(8, 16, $branch => $call),
+            (8, 20) => unrolled!(8, 20, $branch => $call),
             (12, 12) => unrolled!(12, 12, $branch => $call),
             (12, 16) => unrolled!(12, 16, $branch => $call),
             (12, 20) => unrolled!(12, 20, $branch => $call),
+            (12, 24) => unrolled!(12, 24, $branch => $call),
+            (12, 28) => unrolled!(12, 28, $branch => $call),
             _ => $call,
         }
     };
