@@ -35,6 +35,8 @@ pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 
 /// Rows in whole vectors are multiples of this many numbers long.
 pub const LANES: usize = 4;
+/// As many numbers, of which one operation is done at once.
+pub type Lanes = [f64; LANES];
 
 /// [`dot`] of rows in whole vectors.
 #[inline(always)]

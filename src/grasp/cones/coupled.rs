@@ -49,8 +49,8 @@ pub struct CoupledConstraint {
 pub enum Jacobian {
     /// One row with one entry: degree of freedom and entry. Joint limits and friction losses are that.
     Single(usize, f64),
-    /// Rows of [`CoupledConstraints::jacobian`] from this one on.
-    Dense(usize),
+    /// Rows over these of [`CoupledConstraints::support`], with their entries from here on.
+    Rows { support: (usize, usize), entries: usize },
 }
 
 /// What the rows belong to, from step to step.
@@ -70,8 +70,14 @@ enum Owner {
 pub struct CoupledConstraints {
     list: Vec<CoupledConstraint>,
     before: Vec<CoupledConstraint>,
-    jacobian: Vec<f64>,
+    /// Degrees of freedom that the rows of each constraint move, and all before them; each list from the last to the first.
+    support: Vec<usize>,
+    /// The rows' entries there.
+    entries: Vec<f64>,
     bias: Vec<f64>,
+    /// Rows over all degrees of freedom, and whether each of these is before one that is moved.
+    dense: Vec<f64>,
+    is_before: Vec<bool>,
     friction_pass: bool,
     /// No other solve takes what does not move with this grasp.
     alone: bool,
@@ -88,7 +94,8 @@ impl CoupledConstraints {
         self.alone = alone;
         std::mem::swap(&mut self.list, &mut self.before);
         self.list.clear();
-        self.jacobian.clear();
+        self.support.clear();
+        self.entries.clear();
         self.bias.clear();
         self.foreign.clear();
         self.friction_pass = sim.model().noslip_iterations() > 0;
@@ -101,24 +108,27 @@ impl CoupledConstraints {
 
     /// The same rows one step on frozen geometry later: their biases.
     pub fn resume(&mut self, sim: &Simulation, dynamics: &Dynamics<'_>, options: &SolverOptions) {
-        let (nv, reference, acceleration) = (sim.model().nv(), sim.efc_aref(), sim.qacc_smooth());
-        let CoupledConstraints { list, jacobian, bias, foreign, .. } = self;
+        let (reference, acceleration) = (sim.efc_aref(), sim.qacc_smooth());
+        let CoupledConstraints { list, support, entries, bias, foreign, .. } = self;
         for n in list {
             n.solved = false;
             let bias = &mut bias[n.first..n.first + n.rows];
-            let rows = match n.jacobian {
+            let (support, entries) = match n.jacobian {
                 Jacobian::Single(dof, value) => {
                     bias[0] = value * acceleration[dof] - reference[n.row];
                     continue;
                 }
-                Jacobian::Dense(first) => jacobian[first * nv..(first + n.rows) * nv].chunks_exact(nv),
+                Jacobian::Rows { support: (start, end), entries: first } => (&support[start..end], &entries[first..]),
             };
+            for (k, bias) in bias.iter_mut().enumerate() {
+                *bias = along(support, &entries[k * support.len()..], acceleration);
+            }
             if let Some(number) = n.foreign() {
-                foreign[number].resume_rows(dynamics, options, rows, bias);
+                foreign[number].resume_rows(dynamics, options, bias);
                 continue;
             }
-            for (k, (bias, row)) in bias.iter_mut().zip(rows).enumerate() {
-                *bias = crate::grasp::linalg::dot(row, acceleration) - n.reference(reference, k);
+            for (k, bias) in bias.iter_mut().enumerate() {
+                *bias -= n.reference(reference, k);
             }
         }
     }
@@ -157,9 +167,18 @@ impl CoupledConstraints {
         }
     }
 
-    /// Dense row `row`, one entry for each degree of freedom.
-    pub fn jacobian(&self, row: usize, nv: usize) -> &[f64] {
-        &self.jacobian[row * nv..(row + 1) * nv]
+    /// The degrees of freedom that the rows of a constraint move, and all before them, from the last to the first; none of a
+    /// [`Jacobian::Single`].
+    pub fn support(&self, constraint: &CoupledConstraint) -> &[usize] {
+        let Jacobian::Rows { support: (start, end), .. } = constraint.jacobian else { return &[] };
+        &self.support[start..end]
+    }
+
+    /// The entries of row `k` of a constraint, one for each of its [support](Self::support).
+    pub fn row(&self, constraint: &CoupledConstraint, k: usize) -> &[f64] {
+        let Jacobian::Rows { support: (start, end), entries } = constraint.jacobian else { return &[] };
+        let n = end - start;
+        &self.entries[entries + k * n..entries + (k + 1) * n]
     }
 
     /// `J qacc_smooth - aref` of each row.
@@ -235,7 +254,8 @@ impl CoupledConstraints {
     fn read_one(&mut self, sim: &Simulation, row: usize, gives: bool) -> Result<usize, Error> {
         let identity = sim.constraint_row(row)?;
         let first = self.bias.len();
-        let mut jacobian = Jacobian::Dense(self.jacobian.len() / sim.model().nv().max(1));
+        let (support, entries) = (self.support.len(), self.entries.len());
+        let mut single = None;
         let stiffness = sim.efc_D()[row];
         let element = Owner::Element(identity.kind.raw(), identity.id);
         let (cost, owner, rows, read) = match identity.kind {
@@ -256,12 +276,9 @@ impl CoupledConstraints {
             }
             kind => {
                 // a row of a weld may pass for a friction loss
-                let single = if gives { None } else { sim.row_single_entry(row)? };
+                single = if gives { None } else { sim.row_single_entry(row)? };
                 match single {
-                    Some((dof, value)) => {
-                        jacobian = Jacobian::Single(dof, value);
-                        self.bias.push(value * sim.qacc_smooth()[dof] - sim.efc_aref()[row]);
-                    }
+                    Some((dof, value)) => self.bias.push(value * sim.qacc_smooth()[dof] - sim.efc_aref()[row]),
                     None => self.copy_rows(sim, row, 1)?,
                 }
                 let cost = match kind {
@@ -274,6 +291,10 @@ impl CoupledConstraints {
                 (cost, element, 1, 1)
             }
         };
+        let jacobian = single
+            .map_or(Jacobian::Rows { support: (support, self.support.len()), entries }, |(dof, value)| {
+                Jacobian::Single(dof, value)
+            });
         // as a rule in the same place as in the last step
         let same = |n: &&CoupledConstraint| n.owner == owner && n.rows == rows;
         let before = self.before.get(self.list.len()).filter(same).or_else(|| self.before.iter().find(same));
@@ -286,32 +307,48 @@ impl CoupledConstraints {
         Ok(read)
     }
 
+    /// Copies rows of one constraint, as many as are counted from `row` on.
     fn copy_rows(&mut self, sim: &Simulation, row: usize, count: usize) -> Result<(), Error> {
+        let CoupledConstraints { support, entries, bias, dense, is_before: before, .. } = self;
         let nv = sim.model().nv();
-        for k in row..row + count {
-            let at = self.jacobian.len();
-            self.jacobian.resize(at + nv, 0.0);
-            sim.row_jacobian(k, &mut self.jacobian[at..])?;
-            let smooth = crate::grasp::linalg::dot(&self.jacobian[at..], sim.qacc_smooth());
-            self.bias.push(smooth - sim.efc_aref()[k]);
+        dense.resize(dense.len().max(nv * count), 0.0);
+        for (k, out) in dense.chunks_exact_mut(nv.max(1)).take(count).enumerate() {
+            sim.row_jacobian(row + k, out)?;
+        }
+        let first = support.len();
+        before.clear();
+        before.resize(nv, false);
+        for dof in (0..nv).rev() {
+            if before[dof] || (0..count).any(|k| dense[k * nv + dof] != 0.0) {
+                support.push(dof);
+                if let Ok(parent) = usize::try_from(sim.model().dof_parentid()[dof]) {
+                    before[parent] = true;
+                }
+            }
+        }
+        let support = &support[first..];
+        for k in 0..count {
+            let at = entries.len();
+            entries.extend(support.iter().map(|&dof| dense[k * nv + dof]));
+            bias.push(along(support, &entries[at..], sim.qacc_smooth()) - sim.efc_aref()[row + k]);
         }
         Ok(())
     }
 
     /// From a pyramid's edges `n +- mu_j t_j`, two for each `j`, to the rows `n, t_1, t_2, ..`.
     fn combine_edges(&mut self, sim: &Simulation, row: usize, dim: usize, friction: &[f64; 5]) -> Result<(), Error> {
-        let nv = sim.model().nv();
-        let (j0, b0) = (self.jacobian.len(), self.bias.len());
+        let (j0, b0, s0) = (self.entries.len(), self.bias.len(), self.support.len());
         self.copy_rows(sim, row, 2 * (dim - 1))?;
+        let n = self.support.len() - s0;
         // in place from the front: rows 0 and 1 become normal and first tangent, then rows 2j, 2j + 1 the next tangent
         for (j, mu) in friction.iter().take(dim - 1).enumerate() {
             let half = 0.5 / mu;
-            for k in 0..nv {
-                let (plus, minus) = (self.jacobian[j0 + 2 * j * nv + k], self.jacobian[j0 + (2 * j + 1) * nv + k]);
+            for k in 0..n {
+                let (plus, minus) = (self.entries[j0 + 2 * j * n + k], self.entries[j0 + (2 * j + 1) * n + k]);
                 if j == 0 {
-                    self.jacobian[j0 + k] = 0.5 * (plus + minus);
+                    self.entries[j0 + k] = 0.5 * (plus + minus);
                 }
-                self.jacobian[j0 + (j + 1) * nv + k] = half * (plus - minus);
+                self.entries[j0 + (j + 1) * n + k] = half * (plus - minus);
             }
             let (plus, minus) = (self.bias[b0 + 2 * j], self.bias[b0 + 2 * j + 1]);
             if j == 0 {
@@ -319,10 +356,15 @@ impl CoupledConstraints {
             }
             self.bias[b0 + j + 1] = half * (plus - minus);
         }
-        self.jacobian.truncate(j0 + dim * nv);
+        self.entries.truncate(j0 + dim * n);
         self.bias.truncate(b0 + dim);
         Ok(())
     }
+}
+
+/// What `entries` of a row over the degrees of freedom of `support` make of `vector`, which is over all.
+fn along(support: &[usize], entries: &[f64], vector: &[f64]) -> f64 {
+    support.iter().zip(entries).map(|(&dof, entry)| entry * vector[dof]).sum()
 }
 
 impl CoupledConstraint {
@@ -332,7 +374,7 @@ impl CoupledConstraint {
             cost: Cost::Still,
             rows,
             first: 0,
-            jacobian: Jacobian::Dense(0),
+            jacobian: Jacobian::Rows { support: (0, 0), entries: 0 },
             main: [0.0; MAX_ROWS],
             force: [0.0; MAX_ROWS],
             active_sets: [ActiveSet::Stick; 2],

@@ -72,13 +72,6 @@ impl<'a> Dynamics<'a> {
         Spatial::from_column_slice(&self.dof_axis[6 * dof..6 * dof + 6])
     }
 
-    /// Adds the generalised force of a wrench on what `leaf` moves last, about its reference point, to `out`.
-    pub fn add_wrench(&self, leaf: Option<usize>, wrench: &Spatial, out: &mut [f64]) {
-        for dof in leaf.into_iter().flat_map(|leaf| self.with_ancestors(leaf)) {
-            out[dof] += self.axis(dof).dot(wrench);
-        }
-    }
-
     /// Adds to `out` what a wrench on what `leaf` moves last, about its reference point, adds to the generalised force in
     /// `time`, while it changes by `change` and the joints' axes turn.
     pub fn add_wrench_change(&self, leaf: Option<usize>, [wrench, change]: [&Spatial; 2], time: f64, out: &mut [f64]) {
@@ -107,34 +100,19 @@ impl<'a> Dynamics<'a> {
         usize::try_from(self.dof_parent[dof]).ok()
     }
 
-    /// `x <- D^-1/2 L^-T x`: a row of a Jacobian in coordinates in which the mass matrix is the identity.
-    pub fn whiten(&self, x: &mut [f64]) {
-        for dof in (0..x.len()).rev() {
-            if x[dof] != 0.0 {
-                self.whiten_at(dof, x);
-            }
-        }
-    }
-
-    /// As [`whiten`](Self::whiten), of a row with entries for `dof` and its ancestors only.
-    pub fn whiten_chain(&self, dof: usize, x: &mut [f64]) {
-        self.with_ancestors(dof).for_each(|dof| self.whiten_at(dof, x));
-    }
-
     /// A degree of freedom and those before it, towards the base.
     pub fn with_ancestors(&self, dof: usize) -> impl Iterator<Item = usize> {
         std::iter::successors(Some(dof), |&dof| self.parent(dof))
     }
 
-    fn whiten_at(&self, dof: usize, x: &mut [f64]) {
-        let value = x[dof];
-        let mut ancestor = self.parent(dof);
-        for l in self.ancestors_factor(dof) {
-            let Some(j) = ancestor else { break };
-            x[j] -= l * value;
-            ancestor = self.parent(j);
-        }
-        x[dof] = value * self.inverse_diagonal[dof].sqrt();
+    /// The degrees of freedom that move either of two bodies, given the last of each, from the last to the first.
+    pub fn chains(&self, leaves: [Option<usize>; 2]) -> impl Iterator<Item = usize> {
+        let mut at = leaves;
+        std::iter::from_fn(move || {
+            let dof = at[0].max(at[1])?;
+            at.iter_mut().filter(|next| **next == Some(dof)).for_each(|next| *next = self.parent(dof));
+            Some(dof)
+        })
     }
 
     /// Momentum of the subtree at `dof` per unit of its velocity: `crb * cdof`, a column of the mass matrix in space.

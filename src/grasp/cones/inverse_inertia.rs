@@ -10,6 +10,7 @@ use crate::grasp::cones::arrow::Arrow;
 use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::hand::topology::Topology;
 pub use crate::grasp::linalg::Spatial;
+use crate::grasp::linalg::{LANES, Lanes};
 use nalgebra::Matrix6;
 
 /// Largest negative or zero pivot, relative to the largest diagonal, that counts as a direction without inverse inertia.
@@ -27,6 +28,8 @@ pub struct BodyInverseInertia {
     /// Acceleration without constraint forces.
     pub smooth: Spatial,
     chain: Vec<usize>,
+    /// Whitened axes of the chain's degrees of freedom, the columns of `J L^-1 D^-1/2`; of a chain that is longer than its
+    /// rank, `factor^-1` times those, which are orthonormal rows.
     columns: Vec<Spatial>,
 }
 
@@ -43,18 +46,25 @@ impl BodyInverseInertia {
         }
         self.accelerate(dynamics);
         self.whiten(dynamics);
+        self.factorize();
+    }
+
+    fn factorize(&mut self) {
         if self.columns.len() <= 6 {
             self.factor = Matrix6::zeros();
             for (k, column) in self.columns.iter().enumerate() {
                 self.factor.set_column(k, column);
             }
-        } else {
-            let mut inverse_inertia = Matrix6::zeros();
-            for column in &self.columns {
-                inverse_inertia.ger(1.0, column, column, 1.0);
-            }
-            self.factor = semidefinite_factor(&inverse_inertia);
+            return;
         }
+        let mut inverse_inertia = Matrix6::zeros();
+        for column in &self.columns {
+            inverse_inertia.ger(1.0, column, column, 1.0);
+        }
+        self.factor = semidefinite_factor(&inverse_inertia);
+        let pivots: [f64; 6] = std::array::from_fn(|k| self.factor[(k, k)]);
+        let inverse = pivots.map(|pivot| if pivot > 0.0 { 1.0 / pivot } else { 0.0 });
+        self.columns.iter_mut().for_each(|column| forward(&self.factor, &inverse, column));
     }
 
     /// Updates the acceleration alone, where nothing has moved.
@@ -63,27 +73,36 @@ impl BodyInverseInertia {
         self.smooth = self.chain.iter().fold(Spatial::zeros(), sum);
     }
 
-    /// Takes out of a whitened row what moves this body, into the body's own coordinates `y`, as many as its
-    /// [rank](Self::rank); what stays in the row leaves the body at rest.
-    pub fn take(&self, row: &mut [f64], y: &mut [f64]) {
+    /// Takes out of whitened rows what moves this body, into the body's own coordinates `y`, as many as its
+    /// [rank](Self::rank); what stays in the rows leaves the body at rest.
+    pub fn take(&self, rows: &mut [Lanes], y: &mut [Lanes]) {
         if self.columns.len() <= 6 {
             for (y, &dof) in y.iter_mut().zip(&self.chain) {
-                *y = std::mem::take(&mut row[dof]);
+                *y = std::mem::take(&mut rows[dof]);
             }
             return;
         }
-        let mut moved = Spatial::zeros();
-        let mut largest = 0.0f64;
+        let mut largest = [0.0; LANES];
+        y.fill([0.0; LANES]);
         for (column, &dof) in self.columns.iter().zip(&self.chain) {
-            moved += column * row[dof];
-            largest = largest.max(row[dof].abs());
+            let entries = rows[dof];
+            if entries == [0.0; LANES] {
+                continue;
+            }
+            for (y, c) in y.iter_mut().zip(column.iter()) {
+                *y = std::array::from_fn(|k| y[k] + c * entries[k]);
+            }
+            largest = std::array::from_fn(|k| entries[k].abs().max(largest[k]));
         }
-        let taken = forward(&self.factor, moved);
-        y.copy_from_slice(taken.as_slice());
-        let wrench = backward(&self.factor, taken);
+        if largest == [0.0; LANES] {
+            return;
+        }
         for (column, &dof) in self.columns.iter().zip(&self.chain) {
-            let rest = row[dof] - column.dot(&wrench);
-            row[dof] = if rest.abs() > ROUNDING * largest { rest } else { 0.0 };
+            let mut rest = rows[dof];
+            for (y, c) in y.iter().zip(column.iter()) {
+                rest = std::array::from_fn(|k| rest[k] - c * y[k]);
+            }
+            rows[dof] = std::array::from_fn(|k| if rest[k].abs() > ROUNDING * largest[k] { rest[k] } else { 0.0 });
         }
     }
 
@@ -144,26 +163,14 @@ fn semidefinite_factor(a: &Matrix6<f64>) -> Matrix6<f64> {
     l
 }
 
-/// Solves `L y = x` for a factor of [`semidefinite_factor`]; zero along its zero columns.
-fn forward(l: &Matrix6<f64>, mut x: Spatial) -> Spatial {
+/// Solves `L y = x` in place for a factor of [`semidefinite_factor`] and the inverses of its pivots; zero along its zero columns.
+fn forward(l: &Matrix6<f64>, inverse: &[f64; 6], x: &mut Spatial) {
     for j in 0..6 {
-        x[j] = if l[(j, j)] > 0.0 { x[j] / l[(j, j)] } else { 0.0 };
+        x[j] *= inverse[j];
         for i in j + 1..6 {
             x[i] -= l[(i, j)] * x[j];
         }
     }
-    x
-}
-
-/// Solves `L^T y = x` likewise.
-fn backward(l: &Matrix6<f64>, mut x: Spatial) -> Spatial {
-    for j in (0..6).rev() {
-        for i in j + 1..6 {
-            x[j] -= l[(i, j)] * x[i];
-        }
-        x[j] = if l[(j, j)] > 0.0 { x[j] / l[(j, j)] } else { 0.0 };
-    }
-    x
 }
 
 /// One finger's own joints, with the palm's acceleration prescribed.

@@ -3,18 +3,21 @@
 //! With the accelerations of palm and target as unknowns the fingers do not feel each other, unless a constraint
 //! (a tendon over two of them, a contact between them) joins them. What is joined is eliminated together.
 
-use crate::grasp::cones::arrow::{ROOT, RootVector};
+use crate::grasp::cones::arrow::ROOT;
 use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints, Jacobian};
 use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::cones::inverse_inertia::HandInverseInertia;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::hand::topology::Topology;
+use crate::grasp::linalg::{LANES, Lanes};
 
 /// Joints that are eliminated together, and the coupled that move them.
 #[derive(Clone, Debug, Default)]
 pub struct JointGroup {
     /// Trees of the rest of the model, whose numbers are beyond the fingers', then fingers.
     pub nodes: Vec<usize>,
+    /// Number of those trees.
+    pub trees: usize,
     /// CoupledConstraints in this group.
     pub coupled: Vec<usize>,
     /// Number of joints of its trees, which come first; they count in whitened coordinates, those of fingers as they are.
@@ -42,8 +45,15 @@ pub struct JointGroups {
     offset: Vec<usize>,
     /// What each constraint moves.
     moved: Vec<Moved>,
-    root_rows: Vec<RootVector>,
-    own_rows: Vec<f64>,
+    /// The rows that are whitened, by their constraint and which of its rows they are.
+    rows: Vec<(usize, usize)>,
+    /// Degrees of freedom that some of them move, and all before them, from the last to the first.
+    support: Vec<usize>,
+    /// [`LANES`] of these rows at a time, side by side: their entries for the root, and for each degree of freedom.
+    root_rows: Vec<[Lanes; ROOT]>,
+    own_rows: Vec<Lanes>,
+    /// `D^-1/2` of the mass matrix' factor.
+    scale: Vec<f64>,
 }
 
 /// What a constraint moves.
@@ -53,7 +63,7 @@ struct Moved {
     node: Option<usize>,
     /// Palm or target.
     root: bool,
-    /// Its first row in `root_rows` and `own_rows`; none if it is [on one finger's joint](JointGroups::on_finger).
+    /// Its first row among those that are whitened; none if it is [on one finger's joint](JointGroups::on_finger).
     first: usize,
 }
 
@@ -163,17 +173,24 @@ impl JointGroups {
         }
     }
 
-    /// What of row `k` of constraint `i` moves palm and target, in their own coordinates.
-    pub fn root_row(&self, i: usize, k: usize) -> &RootVector {
-        &self.root_rows[self.moved[i].first + k]
+    /// What of row `k` of constraint `i` moves palm and target, in their own coordinates, into one entry for each.
+    pub fn root_row(&self, i: usize, k: usize, out: &mut [f64]) {
+        let row = self.moved[i].first + k;
+        out.iter_mut().zip(&self.root_rows[row / LANES]).for_each(|(out, rows)| *out = rows[row % LANES]);
     }
 
-    /// What of row `k` of constraint `i` moves the joints of `group`, one entry for each.
-    pub fn own_row(&self, group: &JointGroup, i: usize, k: usize) -> impl Iterator<Item = f64> {
+    /// What of row `k` of constraint `i` moves the joints of `nodes`, into one entry for each.
+    pub fn own_row(&self, nodes: &[usize], i: usize, k: usize, out: &mut [f64]) {
         let nv = self.node_of_dof.len();
         let row = self.moved[i].first + k;
-        let own = &self.own_rows[row * nv..(row + 1) * nv];
-        group.nodes.iter().flat_map(|&node| &self.dofs[node]).map(|&dof| own[dof])
+        let at = row / LANES * nv;
+        let own = &self.own_rows[at..at + nv];
+        let mut rest = out;
+        for &node in nodes {
+            let (out, others) = rest.split_at_mut(self.dofs[node].len());
+            out.iter_mut().zip(&self.dofs[node]).for_each(|(out, &dof)| *out = own[dof][row % LANES]);
+            rest = others;
+        }
     }
 
     fn open(&mut self) -> usize {
@@ -183,7 +200,7 @@ impl JointGroups {
         let group = &mut self.groups[self.used];
         group.nodes.clear();
         group.coupled.clear();
-        (group.whitened, group.joints) = (0, 0);
+        (group.trees, group.whitened, group.joints) = (0, 0, 0);
         self.used += 1;
         self.used - 1
     }
@@ -196,77 +213,89 @@ impl JointGroups {
         self.moved.clear();
         self.parent.clear();
         self.parent.extend(0..self.dofs.len());
+        self.scale.clear();
+        self.scale.extend(dynamics.inverse_diagonal.iter().map(|x| x.sqrt()));
         let palm_moves = inverse_inertia.palm.rank() > 0;
-        for constraint in coupled.list() {
-            let mut moved = Moved { node: None, root: false, first: self.root_rows.len() };
-            if let Some((finger, ..)) = self.on_finger(constraint) {
-                (moved.node, moved.root) = (Some(finger), palm_moves);
-            } else {
-                for k in 0..constraint.rows {
-                    self.read_row(dynamics, inverse_inertia, coupled, (constraint, k), &mut moved);
-                }
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clear();
+        for (i, constraint) in coupled.list().iter().enumerate() {
+            let (node, root) =
+                self.on_finger(constraint).map_or((None, false), |(finger, ..)| (Some(finger), palm_moves));
+            self.moved.push(Moved { node, root, first: rows.len() });
+            if node.is_none() {
+                rows.extend((0..constraint.rows).map(|row| (i, row)));
             }
-            self.moved.push(moved);
         }
+        for some in rows.chunks(LANES) {
+            self.read_rows(dynamics, inverse_inertia, coupled, some);
+        }
+        self.rows = rows;
     }
 
-    fn read_row(
+    /// At most [`LANES`] rows, side by side: by their constraint and which of its rows they are.
+    fn read_rows(
         &mut self,
         dynamics: &Dynamics<'_>,
         inverse_inertia: &HandInverseInertia,
         coupled: &CoupledConstraints,
-        (constraint, k): (&CoupledConstraint, usize),
-        moved: &mut Moved,
+        rows: &[(usize, usize)],
     ) {
         let nv = self.node_of_dof.len();
         let HandInverseInertia { palm, target, .. } = inverse_inertia;
         let at = self.own_rows.len();
-        let mut root = [0.0; ROOT];
-        let (of_palm, of_target) = root.split_at_mut(palm.rank());
-        let of_target = &mut of_target[..target.rank()];
-        match constraint.jacobian {
-            Jacobian::Single(dof, value) => {
-                self.own_rows.resize(at + nv, 0.0);
-                let own = &mut self.own_rows[at..];
-                own[dof] = value;
-                dynamics.whiten_chain(dof, own);
-                palm.take(own, of_palm);
-                target.take(own, of_target);
-                dynamics.with_ancestors(dof).for_each(|dof| self.join(at, dof, moved));
-            }
-            Jacobian::Dense(row) => {
-                // fingers' entries stay what they are, and what is before them is whitened without them
-                let row = coupled.jacobian(row + k, nv);
-                let of_finger = |dof: usize| self.node_of_dof[dof] < self.fingers;
-                self.own_rows.extend((0..nv).map(|dof| if of_finger(dof) { 0.0 } else { row[dof] }));
-                let own = &mut self.own_rows[at..];
-                dynamics.whiten(own);
-                palm.take(own, of_palm);
-                target.take(own, of_target);
-                for dof in (0..nv).filter(|&dof| of_finger(dof)) {
-                    own[dof] = row[dof];
-                    // a finger's joints move the palm by their inertia
-                    moved.root |= palm.rank() > 0 && row[dof] != 0.0;
+        self.own_rows.resize(at + nv, [0.0; LANES]);
+        let JointGroups { node_of_dof, own_rows, support, .. } = self;
+        let own = &mut own_rows[at..];
+        let of_finger = |dof: usize| node_of_dof[dof] < self.fingers;
+        support.clear();
+        let mut supports = 0;
+        // fingers' entries stay what they are, and what is before them is whitened without them
+        for (lane, &(i, row)) in rows.iter().enumerate() {
+            let constraint = &coupled.list()[i];
+            let before = support.len();
+            if let Jacobian::Single(dof, value) = constraint.jacobian {
+                own[dof][lane] = value;
+                support.extend(dynamics.with_ancestors(dof));
+            } else {
+                let of_row = coupled.support(constraint);
+                for (&dof, &entry) in of_row.iter().zip(coupled.row(constraint, row)) {
+                    own[dof][lane] = if of_finger(dof) { 0.0 } else { entry };
                 }
-                (0..nv).for_each(|dof| self.join(at, dof, moved));
+                if support != of_row {
+                    support.extend(of_row);
+                }
+            }
+            supports += usize::from(support.len() > before);
+        }
+        if supports > 1 {
+            support.sort_unstable_by(|a, b| b.cmp(a));
+            support.dedup();
+        }
+        support.iter().for_each(|&dof| whiten(dynamics, &self.scale, dof, own));
+        let mut root = [[0.0; LANES]; ROOT];
+        let (of_palm, of_target) = root.split_at_mut(palm.rank());
+        palm.take(own, of_palm);
+        target.take(own, &mut of_target[..target.rank()]);
+        for (lane, &(i, row)) in rows.iter().enumerate() {
+            let constraint = &coupled.list()[i];
+            let moved = &mut self.moved[i];
+            moved.root |= root.iter().any(|y| y[lane] != 0.0);
+            let entries = coupled.support(constraint).iter().zip(coupled.row(constraint, row));
+            for (&dof, &entry) in entries.filter(|(dof, _)| of_finger(**dof)) {
+                own[dof][lane] = entry;
+                // a finger's joints move the palm by their inertia
+                moved.root |= palm.rank() > 0 && entry != 0.0;
+            }
+            for &dof in support.iter().filter(|dof| own[**dof][lane] != 0.0) {
+                let node = node_of_dof[dof];
+                let with = *moved.node.get_or_insert(node);
+                if with != node {
+                    let (node, with) = (find(&mut self.parent, node), find(&mut self.parent, with));
+                    self.parent[node] = with;
+                }
             }
         }
-        moved.root |= root.iter().any(|&y| y != 0.0);
         self.root_rows.push(root);
-    }
-
-    /// Joins the node of `dof` to those that the row at `at` has moved so far, if it moves it.
-    fn join(&mut self, at: usize, dof: usize, moved: &mut Moved) {
-        if self.own_rows[at + dof] == 0.0 {
-            return;
-        }
-        let node = self.node_of_dof[dof];
-        if let Some(with) = moved.node {
-            let (node, with) = (find(&mut self.parent, node), find(&mut self.parent, with));
-            self.parent[node] = with;
-        } else {
-            moved.node = Some(node);
-        }
     }
 
     /// Makes a group of each set of joined nodes that moves with the grasp.
@@ -333,7 +362,7 @@ impl JointGroups {
         group.nodes.push(node);
         group.joints += self.dofs[node].len();
         if node >= self.fingers {
-            group.whitened = group.joints;
+            (group.trees, group.whitened) = (group.nodes.len(), group.joints);
         }
     }
 
@@ -344,6 +373,22 @@ impl JointGroups {
         }
         self.group_of[set]
     }
+}
+
+/// One step of `x <- D^-1/2 L^-T x`, rows of a Jacobian in coordinates in which the mass matrix is the identity: that of `dof`,
+/// after those that hang on it.
+fn whiten(dynamics: &Dynamics<'_>, scale: &[f64], dof: usize, x: &mut [Lanes]) {
+    let value = x[dof];
+    if value == [0.0; LANES] {
+        return;
+    }
+    let mut ancestor = dynamics.parent(dof);
+    for l in dynamics.ancestors_factor(dof) {
+        let Some(j) = ancestor else { break };
+        x[j] = std::array::from_fn(|k| x[j][k] - l * value[k]);
+        ancestor = dynamics.parent(j);
+    }
+    x[dof] = value.map(|x| x * scale[dof]);
 }
 
 /// The representative of a set, with path halving.

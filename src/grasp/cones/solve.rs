@@ -238,8 +238,7 @@ impl GraspSolver {
                 let (of_trees, of_fingers) = own.split_at_mut(combinations);
                 of_trees.copy_from_slice(&self.combined[at..at + combinations]);
                 at += combinations;
-                let entries = self.groups.own_row(group, i, row).skip(group.whitened);
-                of_fingers.iter_mut().zip(entries).for_each(|(out, x)| *out = x);
+                self.groups.own_row(&group.nodes[group.trees..], i, row, of_fingers);
             }
         }
         self.arrow.end_branch();
@@ -259,7 +258,9 @@ impl GraspSolver {
             let constraint = &coupled.list()[i];
             if self.groups.on_finger(constraint).is_none() {
                 for row in 0..constraint.rows {
-                    self.tree_rows.extend(self.groups.own_row(group, i, row).take(group.whitened));
+                    let at = self.tree_rows.len();
+                    self.tree_rows.resize(at + group.whitened, 0.0);
+                    self.groups.own_row(&group.nodes[..group.trees], i, row, &mut self.tree_rows[at..]);
                 }
                 rows += constraint.rows;
             }
@@ -284,7 +285,7 @@ impl GraspSolver {
         self.soft.push(constraint.cost);
         for row in 0..n {
             let (root, _) = self.arrow.row(block, row);
-            root.copy_from_slice(&self.groups.root_row(i, row)[..root.len()]);
+            self.groups.root_row(i, row, root);
         }
         block
     }

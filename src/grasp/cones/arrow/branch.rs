@@ -4,7 +4,7 @@
 
 use super::Block;
 use crate::grasp::contact::cost::MAX_ROWS;
-use crate::grasp::linalg::{LANES, axpy_lanes, dot_lanes};
+use crate::grasp::linalg::{LANES, Lanes, axpy_lanes, dot_lanes};
 
 /// Blocks and singles that share joints.
 #[derive(Clone, Copy, Debug)]
@@ -230,8 +230,6 @@ impl Branch {
 pub(super) fn lower(i: usize) -> usize {
     (i / LANES + 1) * LANES
 }
-
-type Lanes = [f64; LANES];
 
 /// `out += sum scale_k rows_k`
 #[inline(always)]

@@ -10,8 +10,6 @@ use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
-use crate::grasp::linalg;
-use crate::grasp::linalg::Spatial;
 
 impl CoupledConstraints {
     /// Adds the contacts of another grasp, whose hand and target are in `topology`. After [`read`](Self::read).
@@ -24,13 +22,12 @@ impl CoupledConstraints {
     ) {
         for contact in contacts {
             let rows = contact.parameters.condim;
-            let first = self.bias.len();
-            let jacobian = Jacobian::Dense(self.jacobian.len() / dynamics.acceleration.len().max(1));
+            let (first, start, entries) = (self.bias.len(), self.support.len(), self.entries.len());
+            let leaves = [contact.link, contact.target].map(|body| topology.leaf(body));
+            self.support.extend(dynamics.chains(leaves));
+            let jacobian = Jacobian::Rows { support: (start, self.support.len()), entries };
             let soft = softness(&contact.parameters, options);
-            for i in 0..rows {
-                let velocity = self.add_row(dynamics, topology, contact, i);
-                self.bias[first + i] += soft.damping * velocity;
-            }
+            self.add_rows(dynamics, leaves, contact, soft.damping, start);
             self.bias[first] += soft.spring;
             let (main, active_sets) = contact
                 .warm_start()
@@ -67,46 +64,58 @@ impl CoupledConstraints {
             else {
                 continue;
             };
-            let Jacobian::Dense(row) = constraint.jacobian else { continue };
             for (k, force) in foreign.force_rows[..constraint.rows].iter().enumerate() {
-                linalg::axpy(*force, self.jacobian(row + k, out.len()), out);
+                let entries = self.support(constraint).iter().zip(self.row(constraint, k));
+                entries.for_each(|(&dof, entry)| out[dof] += force * entry);
             }
         }
     }
 
-    /// Row `i` of a contact's Jacobian, target minus link, with its smooth acceleration as bias; returns its velocity.
-    fn add_row(&mut self, dynamics: &Dynamics<'_>, topology: &Topology, contact: &GraspContact, i: usize) -> f64 {
-        let nv = dynamics.acceleration.len();
-        let at = self.jacobian.len();
-        self.jacobian.resize(at + nv, 0.0);
-        let row = &mut self.jacobian[at..];
-        let mut velocity = 0.0;
-        for (body, sign) in [(contact.target, 1.0), (contact.link, -1.0)] {
-            let wrench: Spatial = sign * contact.unit_wrench(i, &dynamics.reference_point(body));
-            velocity += wrench.dot(&dynamics.velocity(body));
-            dynamics.add_wrench(topology.leaf(body), &wrench, row);
+    /// Rows of a contact's Jacobian, target minus link, over the support that begins at `support`; with its smooth acceleration
+    /// and `damping` times its velocity as bias. `leaves`: the last degrees of freedom of link and target.
+    fn add_rows(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        leaves: [Option<usize>; 2],
+        contact: &GraspContact,
+        damping: f64,
+        support: usize,
+    ) {
+        let CoupledConstraints { support: all, entries, bias, .. } = self;
+        let support = &all[support..];
+        let (rows, n, at) = (contact.parameters.condim, support.len(), entries.len());
+        let wrenches = contact.unit_wrenches(dynamics);
+        let velocities = [contact.link, contact.target].map(|body| dynamics.velocity(body));
+        let mut reference = [0.0; MAX_ROWS];
+        for (out, on_bodies) in reference.iter_mut().zip(&wrenches[..rows]) {
+            *out = damping * (on_bodies[0].dot(&velocities[0]) + on_bodies[1].dot(&velocities[1]));
         }
-        let smooth = linalg::dot(row, dynamics.acceleration);
-        self.bias.push(smooth);
-        velocity
+        entries.resize(at + rows * n, 0.0);
+        let mut before = leaves;
+        for (s, &dof) in support.iter().enumerate() {
+            let axis = dynamics.axis(dof);
+            for (body, before) in before.iter_mut().enumerate().filter(|(_, before)| **before == Some(dof)) {
+                for (row, on_bodies) in wrenches[..rows].iter().enumerate() {
+                    let entry = axis.dot(&on_bodies[body]);
+                    entries[at + row * n + s] += entry;
+                    reference[row] += entry * dynamics.acceleration[dof];
+                }
+                *before = dynamics.parent(dof);
+            }
+        }
+        bias.extend_from_slice(&reference[..rows]);
     }
 }
 
 impl GraspContact {
-    /// One step on frozen geometry later: `bias` of each of the contact's rows.
-    pub(super) fn resume_rows<'a>(
-        &mut self,
-        dynamics: &Dynamics<'_>,
-        options: &SolverOptions,
-        rows: impl Iterator<Item = &'a [f64]>,
-        bias: &mut [f64],
-    ) {
+    /// One step on frozen geometry later: the `bias` of each of the contact's rows, in which their smooth acceleration is.
+    pub(super) fn resume_rows(&mut self, dynamics: &Dynamics<'_>, options: &SolverOptions, bias: &mut [f64]) {
         self.resume(dynamics, options.timestep);
         let soft = softness(&self.parameters, options);
         let velocities = self.velocity(dynamics);
-        for (i, (bias, row)) in bias.iter_mut().zip(rows).enumerate() {
+        for (i, bias) in bias.iter_mut().enumerate() {
             let velocity = self.axes[i % 3].dot(&velocities[usize::from(i < 3)]);
-            *bias = linalg::dot(row, dynamics.acceleration) + soft.damping * velocity;
+            *bias += soft.damping * velocity;
         }
         bias[0] += soft.spring;
     }
