@@ -41,9 +41,15 @@ impl Arrow {
     /// Minimises, all buffers being large enough.
     fn minimise(&mut self, z: &mut RootVector) -> Status {
         self.hold_joints();
-        self.run(Kernel::Start(z));
+        let mut gradient = if self.first_step_is_of_one_tangent() {
+            z.fill(0.0);
+            self.start_at_rest();
+            [0.0; ROOT]
+        } else {
+            self.run(Kernel::Start(z));
+            self.inertial_forces(z).0
+        };
         self.take_expected();
-        let (mut gradient, _) = self.inertial_forces(z);
         self.run(Kernel::SubtractForces(&mut gradient));
         let step = self.newton_step(&gradient);
         self.advance(1.0, &step, z);
@@ -73,6 +79,19 @@ impl Arrow {
             (gradient, inertial, cost) = (found.momentum, found.inertial, found.cost);
         }
         Status { iterations: MAX_ITERATIONS, converged: false }
+    }
+
+    /// Whether the point to which the first step leads is the same from wherever it starts.
+    fn first_step_is_of_one_tangent(&self) -> bool {
+        self.blocks[..self.used].iter().all(|b| b.expected.is_some() || b.response.active_set.is_affine())
+    }
+
+    /// The point at which nothing but the bias moves, and its gradient without the costs.
+    fn start_at_rest(&mut self) {
+        self.point.fill(0.0);
+        self.gradient.fill(0.0);
+        self.jar.copy_from_slice(&self.bias);
+        self.singles.iter_mut().for_each(|s| s.jar = s.bias);
     }
 
     /// Inertial forces of the point, the root's returned and the branches' in `gradient`; and their cost.
