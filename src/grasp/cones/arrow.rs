@@ -317,6 +317,12 @@ impl Arrow {
         &mut self.bias[b.row0..b.row0 + b.rows]
     }
 
+    /// The largest of all biases.
+    pub fn largest_bias(&self) -> f64 {
+        let singles = self.singles.iter().map(|s| s.bias);
+        self.bias.iter().copied().chain(singles).fold(0.0, |largest, bias| bias.abs().max(largest))
+    }
+
     /// Sets the bias of cost `single` anew.
     pub fn rebias_single(&mut self, single: usize, bias: f64) {
         self.singles[single].bias = bias;

@@ -5,6 +5,7 @@ use crate::grasp::cones::arrow::Arrow;
 use crate::grasp::cones::coupled::CoupledConstraints;
 use crate::grasp::contact::contacts::{GraspContact, WarmStart};
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, pyramid_pairs};
+use std::cell::LazyCell;
 
 /// Proximal resistance of friction, relative to what the contact's own inertia resists. The error that it leaves in
 /// one step is this fraction of the *change* of the friction force, and it is gone in the next.
@@ -14,17 +15,27 @@ const RESISTANCE: f64 = 1e-3;
 /// the same step, so that no more than [`RESISTANCE`] times this is left of the error.
 const SMALL_CHANGE: f64 = 1e-2;
 
+/// Not so where what is left of the motion along it, against the largest acceleration that the forces have to answer, is no
+/// more than what Newton's method leaves: the friction loss of a joint that hardly has any.
+const NEGLIGIBLE: f64 = 1e-6;
+
 impl GraspSolver {
     /// Centres each friction cost at the force that it has come to; false, with nothing done, where that is a small change.
     pub(super) fn recentre(&mut self, coupled: &CoupledConstraints) -> bool {
         // the rows of a weld have a softness of their own, and no centre
         let gives = |member: &Member| matches!(*member, Member::Coupled(i) if coupled.list()[i].gives);
+        let negligible = LazyCell::new(|| NEGLIGIBLE * self.arrow.largest_bias());
         let changed = |(block, member): (usize, &Member)| {
             let (cost, force) = (self.arrow.cost(block), &self.arrow.response(block).force);
-            let rows = self.arrow.residual(block).len() - cost.first_friction_row().unwrap_or(0);
-            !gives(member) && cost.change(&force[..rows]) > SMALL_CHANGE
+            let residual = &self.arrow.residual(block)[cost.first_friction_row().unwrap_or(0)..];
+            !gives(member)
+                && cost.change(&force[..residual.len()]) > SMALL_CHANGE
+                && residual.iter().any(|x| x.abs() > *negligible)
         };
-        let changed_single = |single: usize| self.arrow.single(single).change() > SMALL_CHANGE;
+        let changed_single = |single: usize| {
+            let single = self.arrow.single(single);
+            single.change() > SMALL_CHANGE && single.jar.abs() > *negligible
+        };
         if !self.order.iter().enumerate().any(changed) && !(0..self.singles.len()).any(changed_single) {
             return false;
         }
