@@ -41,18 +41,25 @@ pub type Lanes = [f64; LANES];
 /// [`dot`] of rows in whole vectors.
 #[inline(always)]
 pub fn dot_lanes(x: &[f64], y: &[f64]) -> f64 {
-    let (x, y) = (x.as_chunks::<LANES>().0, y.as_chunks::<LANES>().0);
-    let n = x.len().min(y.len());
-    let (x, y) = (&x[..n], &y[..n]);
-    let mut strands = [0.0; LANES];
+    dots_lanes([x], y)[0]
+}
+
+/// [`dot_lanes`] of several rows with one, side by side: no sum waits for another.
+#[inline(always)]
+pub fn dots_lanes<const D: usize>(rows: [&[f64]; D], y: &[f64]) -> [f64; D] {
+    let y = y.as_chunks::<LANES>().0;
+    let n = rows.iter().fold(y.len(), |n, row| n.min(row.len() / LANES));
+    let (rows, y) = (rows.map(|row| &row.as_chunks::<LANES>().0[..n]), &y[..n]);
+    let mut strands = [[0.0; LANES]; D];
     for c in 0..n {
-        for k in 0..LANES {
-            strands[k] += x[c][k] * y[c][k];
+        for d in 0..D {
+            for k in 0..LANES {
+                strands[d][k] += rows[d][c][k] * y[c][k];
+            }
         }
     }
     // stored once: the compiler makes vectors of what is stored together, and of a sum of four numbers it does not
-    let strands = std::hint::black_box(strands);
-    (strands[0] + strands[2]) + (strands[1] + strands[3])
+    std::hint::black_box(strands).map(|sum| (sum[0] + sum[2]) + (sum[1] + sum[3]))
 }
 
 /// [`axpy`] of rows in whole vectors.

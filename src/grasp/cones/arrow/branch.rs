@@ -4,7 +4,7 @@
 
 use super::Block;
 use crate::grasp::contact::cost::MAX_ROWS;
-use crate::grasp::linalg::{LANES, Lanes, axpy_lanes, dot_lanes};
+use crate::grasp::linalg::{LANES, Lanes, axpy_lanes, dot_lanes, dots_lanes};
 
 /// Blocks and singles that share joints.
 #[derive(Clone, Copy, Debug)]
@@ -70,8 +70,16 @@ impl Branch {
     #[inline(always)]
     pub fn apply(&self, matrix: &[f64], vector: &[f64], mut row: impl FnMut(usize, f64)) {
         let x = &vector[self.local..self.local + self.stride];
-        for (i, entries) in self.rows(matrix).enumerate() {
-            row(i, dot_lanes(entries, x));
+        let mut i = 0;
+        while i + 4 <= self.rows {
+            let four = [self.row(matrix, i), self.row(matrix, i + 1), self.row(matrix, i + 2), self.row(matrix, i + 3)];
+            for (k, moved) in dots_lanes(four, x).into_iter().enumerate() {
+                row(i + k, moved);
+            }
+            i += 4;
+        }
+        for i in i..self.rows {
+            row(i, dot_lanes(self.row(matrix, i), x));
         }
     }
 
@@ -150,10 +158,8 @@ impl Branch {
     /// The own unknowns, where the root is what it is in `[z; x]`: `x <- L^-1 x - H^-1 B z`.
     #[inline(always)]
     pub fn back(&self, factor: &[f64], vector: &mut [f64]) {
-        for (j, row) in self.own_rows(factor).enumerate() {
-            let moved = dot_lanes(row, vector);
-            vector[self.root + j] -= moved;
-        }
+        let factor = &factor[self.square..self.square + self.width * self.stride];
+        forward(factor, self.stride, self.root, self.width, vector);
     }
 
     /// Adds `J' C J` of one block to the lower triangle of the root's Hessian and the branch's own rows.
@@ -222,6 +228,39 @@ impl Branch {
                 add_rows(&scale, &all, out);
             }
         }
+    }
+}
+
+/// `x <- x - R y` row by row, where `y` are the `first` numbers of `vector` and what has been done of the `n` of `x` behind them:
+/// row `j` of `rows` ends before its own number. What has just been stored number by number cannot be loaded at once as a vector,
+/// so each four are kept apart until all of them are done.
+#[inline(always)]
+pub(super) fn forward(rows: &[f64], stride: usize, first: usize, n: usize, vector: &mut [f64]) {
+    let row = |j: usize| &rows[j * stride..(j + 1) * stride];
+    let mut j = 0;
+    while j + LANES <= n {
+        let done = first + j;
+        let mut x = [0.0; LANES];
+        x.copy_from_slice(&vector[done..done + LANES]);
+        let four = [row(j), row(j + 1), row(j + 2), row(j + 3)];
+        let moved = dots_lanes(four.map(|row| &row[..done]), &vector[..done]);
+        for k in 0..LANES {
+            let mut sum = moved[k];
+            for i in 0..k {
+                sum += four[k][done + i] * x[i];
+            }
+            x[k] -= sum;
+        }
+        vector[done..done + LANES].copy_from_slice(&x);
+        j += LANES;
+    }
+    let done = first + j;
+    for k in 0..n - j {
+        let mut sum = dot_lanes(&row(j + k)[..done], &vector[..done]);
+        for i in 0..k {
+            sum += row(j + k)[done + i] * vector[done + i];
+        }
+        vector[done + k] -= sum;
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a solve of an [`Arrow`] spends its time in, compiled for each kind of processor.
 
-use super::branch::{Branch, lower, unrolled};
+use super::branch::{Branch, forward, lower, unrolled};
 use super::{Arrow, ROOT, RootVector};
 use crate::grasp::linalg::{axpy_lanes, dot_lanes};
 use pulp::{Arch, Simd, WithSimd};
@@ -292,7 +292,5 @@ fn solve_root(n: usize, factor: &[f64], pivots: &RootVector, b: &mut RootVector)
     for (b, inverse) in b[..n].iter_mut().zip(pivots) {
         *b *= inverse;
     }
-    for (j, row) in factor[..n * n].chunks_exact(n).enumerate() {
-        b[j] -= dot_lanes(row, &b[..n]);
-    }
+    forward(&factor[..n * n], n, 0, n, b);
 }
