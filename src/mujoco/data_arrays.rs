@@ -5,7 +5,7 @@
 #![allow(non_snake_case)] // The engine's names are the field's.
 
 use super::arrays::{factor, read_arrays, slice, slice_mut, write_arrays};
-use super::compat::{self, MassFactor};
+use super::compat::{self, MassRows};
 use super::error::{Error, check_index, check_length};
 use super::ids::{ActuatorId, Id};
 use super::simulation::Simulation;
@@ -161,8 +161,13 @@ impl Simulation {
     }
 
     /// The factor of the inertia matrix. Valid after [`inertia`](Self::inertia).
-    pub fn mass_factor(&self) -> MassFactor<'_> {
-        MassFactor::of(self)
+    pub fn mass_factor(&self) -> MassRows<'_> {
+        MassRows::of_factor(self)
+    }
+
+    /// The inertia matrix `M`, its lower triangle.
+    pub fn mass_rows(&self) -> MassRows<'_> {
+        MassRows::of_inertia(self)
     }
 
     /// What one actuator moves: the derivative of its length by each degree of freedom, into `out` (nv). Valid after

@@ -70,7 +70,7 @@ pub use camera::Camera;
 #[cfg(feature = "rerun")]
 pub(crate) use camera::LAST_DRAWN_GROUP;
 pub use collision::{Clearance, GeomSets, PairCollider};
-pub use compat::MassFactor;
+pub use compat::MassRows;
 pub use compiled::CompiledModel;
 pub use contact::{Contact, ContactForce};
 pub use error::{Buffer, Error};

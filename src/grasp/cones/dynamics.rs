@@ -4,7 +4,7 @@
 //! `cdof`, `crb` and `cvel`.
 
 use crate::grasp::linalg::Spatial;
-use crate::mujoco::{MassFactor, Simulation};
+use crate::mujoco::{MassRows, Simulation};
 use nalgebra::Vector3;
 
 /// The engine's state that a grasp solve is made of; slices as in MuJoCo's `mjModel` and `mjData`.
@@ -15,7 +15,9 @@ pub struct Dynamics<'a> {
     /// Body of each degree of freedom.
     pub dof_body: &'a [i32],
     /// `L` of the mass matrix (`qLD`).
-    pub factor: MassFactor<'a>,
+    pub factor: MassRows<'a>,
+    /// The mass matrix.
+    pub inertia: MassRows<'a>,
     /// `1 / D` (`qLDiagInv`).
     pub inverse_diagonal: &'a [f64],
     /// Motion axis of each degree of freedom (`cdof`).
@@ -44,6 +46,7 @@ impl<'a> Dynamics<'a> {
             dof_parent: model.dof_parentid(),
             dof_body: model.dof_bodyid(),
             factor: sim.mass_factor(),
+            inertia: sim.mass_rows(),
             inverse_diagonal: sim.qLDiagInv(),
             dof_axis: sim.cdof(),
             axis_rate: sim.cdof_dot(),

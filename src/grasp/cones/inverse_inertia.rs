@@ -197,28 +197,16 @@ impl FingerInverseInertia {
     }
 
     /// Sets the inertia of the joints in the present branch of `arrow`, among whose own unknowns they begin at `offset`: their
-    /// coupling to the palm, and their part of the mass matrix, `M = L^T D L`.
+    /// coupling to the palm, and their part of the mass matrix.
     pub fn set_inertia(&self, dynamics: &Dynamics<'_>, palm: &BodyInverseInertia, arrow: &mut Arrow, offset: usize) {
         for (k, &dof) in self.dofs.iter().enumerate() {
-            let (root, own) = arrow.inertia_row(offset + k);
-            palm.own(&dynamics.momentum(dof), root);
-            own[offset + k] = 0.0;
-        }
-        for (k, &dof) in self.dofs.iter().enumerate() {
-            let d = 1.0 / dynamics.inverse_diagonal[dof];
-            for (i, left) in self.factor_row(dynamics, k) {
-                let (_, own) = arrow.inertia_row(offset + i);
-                for (j, right) in self.factor_row(dynamics, k) {
-                    own[offset + j] += d * left * right;
-                }
+            palm.own(&dynamics.momentum(dof), arrow.inertia_row(offset + k).0);
+            let ancestors = std::iter::successors(Some(k), |&k| self.parents[k]);
+            for (j, entry) in ancestors.zip(dynamics.inertia.row(dof)) {
+                arrow.inertia_row(offset + k).1[offset + j] = entry;
+                arrow.inertia_row(offset + j).1[offset + k] = entry;
             }
         }
-    }
-
-    /// Row `k` of the mass matrix' factor `L` within the finger: position and entry, the diagonal first.
-    fn factor_row(&self, dynamics: &Dynamics<'_>, k: usize) -> impl Iterator<Item = (usize, f64)> {
-        let chain = std::iter::successors(Some(k), |&k| self.parents[k]);
-        chain.zip(std::iter::once(1.0).chain(dynamics.ancestors_factor(self.dofs[k])))
     }
 
     /// Acceleration of the link on `leaf` relative to the palm, without constraint forces.

@@ -132,12 +132,17 @@ fn impedance(solimp: &[f64; 5], depth: f64) -> f64 {
     if x <= 0.0 {
         return dmin;
     }
+    let raised = |x: f64, power: f64| match power {
+        1.0 => x,
+        2.0 => x * x,
+        _ => x.powf(power),
+    };
     let y = if power == 1.0 {
         x
     } else if x <= midpoint {
-        x.powf(power) / midpoint.powf(power - 1.0)
+        raised(x, power) / raised(midpoint, power - 1.0)
     } else {
-        1.0 - (1.0 - x).powf(power) / (1.0 - midpoint).powf(power - 1.0)
+        1.0 - raised(1.0 - x, power) / raised(1.0 - midpoint, power - 1.0)
     };
     dmin + y * (dmax - dmin)
 }

@@ -13,11 +13,11 @@ mod v2;
 mod v3;
 
 #[cfg(not(mujoco3))]
-pub use v2::MassFactor;
+pub use v2::MassRows;
 #[cfg(not(mujoco3))]
 pub(super) use v2::*;
 #[cfg(mujoco3)]
-pub use v3::MassFactor;
+pub use v3::MassRows;
 #[cfg(mujoco3)]
 pub(super) use v3::*;
 

@@ -247,25 +247,36 @@ pub(in crate::mujoco) unsafe fn full_mass_matrix(m: *const ffi::mjModel, d: *con
     unsafe { ffi::mj_fullM(m, dst, (*d).qM) }
 }
 
-/// The factor `L` of the inertia matrix `M = L^T D L`, of which only the entries of a degree of freedom's ancestors
-/// are stored: here they follow the diagonal, the nearest first.
+/// The inertia matrix `M`, or the factor `L` of `M = L^T D L`: of each only the entries of a degree of freedom's ancestors are
+/// stored, here they follow the diagonal, the nearest first.
 #[derive(Debug, Clone, Copy)]
-pub struct MassFactor<'a> {
+pub struct MassRows<'a> {
     values: &'a [f64],
     diagonal: &'a [i32],
 }
 
-impl<'a> MassFactor<'a> {
-    pub(in crate::mujoco) fn of(sim: &'a Simulation) -> Self {
+impl<'a> MassRows<'a> {
+    pub(in crate::mujoco) fn of_factor(sim: &'a Simulation) -> Self {
         Self { values: sim.qLD(), diagonal: sim.model().dof_Madr() }
     }
 
-    /// `L` entries of a degree of freedom for its ancestors, the nearest first; what comes after the last ancestor has no
-    /// meaning, and missing ones are zero. Nothing for a degree of freedom that does not exist.
+    pub(in crate::mujoco) fn of_inertia(sim: &'a Simulation) -> Self {
+        Self { values: sim.qM(), ..Self::of_factor(sim) }
+    }
+
+    /// Entries of a degree of freedom: its diagonal one (of the factor `D`), then those for its ancestors, the nearest first; what
+    /// comes after the last ancestor has no meaning, and missing ones are zero. Nothing for a degree of freedom that does not
+    /// exist.
+    #[inline]
+    pub fn row(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
+        let diagonal = self.diagonal.get(dof).map_or(usize::MAX, |&address| address as usize);
+        self.values.get(diagonal..).unwrap_or_default().iter().copied()
+    }
+
+    /// As [`row`](Self::row), without the diagonal.
     #[inline]
     pub fn ancestors(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
-        let diagonal = self.diagonal.get(dof).map_or(usize::MAX, |&address| address as usize);
-        self.values.get(diagonal.saturating_add(1)..).unwrap_or_default().iter().copied()
+        self.row(dof).skip(1)
     }
 }
 

@@ -25,27 +25,38 @@ pub(in crate::mujoco) unsafe fn full_mass_matrix(m: *const ffi::mjModel, d: *con
     }
 }
 
-/// The factor `L` of the inertia matrix `M = L^T D L`, of which only the entries of a degree of freedom's ancestors
-/// are stored: here in compressed rows that end with the diagonal, the nearest ancestor before it.
+/// The inertia matrix `M`, or the factor `L` of `M = L^T D L`: of each only the entries of a degree of freedom's ancestors are
+/// stored, here in compressed rows that end with the diagonal, the nearest ancestor before it.
 #[derive(Debug, Clone, Copy)]
-pub struct MassFactor<'a> {
+pub struct MassRows<'a> {
     values: &'a [f64],
     start: &'a [i32],
     count: &'a [i32],
 }
 
-impl<'a> MassFactor<'a> {
-    pub(in crate::mujoco) fn of(sim: &'a Simulation) -> Self {
+impl<'a> MassRows<'a> {
+    pub(in crate::mujoco) fn of_factor(sim: &'a Simulation) -> Self {
         Self { values: sim.qLD(), start: sim.model().M_rowadr(), count: sim.model().M_rownnz() }
     }
 
-    /// `L` entries of a degree of freedom for its ancestors, the nearest first; what comes after the last ancestor has no
-    /// meaning, and missing ones are zero. Nothing for a degree of freedom that does not exist.
+    pub(in crate::mujoco) fn of_inertia(sim: &'a Simulation) -> Self {
+        Self { values: sim.M(), ..Self::of_factor(sim) }
+    }
+
+    /// Entries of a degree of freedom: its diagonal one (of the factor `D`), then those for its ancestors, the nearest first; what
+    /// comes after the last ancestor has no meaning, and missing ones are zero. Nothing for a degree of freedom that does not
+    /// exist.
+    #[inline]
+    pub fn row(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
+        let row = self.start.get(dof).zip(self.count.get(dof)).map(|(&start, &count)| (start as usize, count as usize));
+        let entries = row.and_then(|(start, count)| self.values.get(start..start + count));
+        entries.unwrap_or_default().iter().rev().copied()
+    }
+
+    /// As [`row`](Self::row), without the diagonal.
     #[inline]
     pub fn ancestors(&self, dof: usize) -> impl Iterator<Item = f64> + use<'a> {
-        let row = self.start.get(dof).zip(self.count.get(dof)).map(|(&start, &count)| (start as usize, count as usize));
-        let entries = row.and_then(|(start, count)| self.values.get(start..start + count.saturating_sub(1)));
-        entries.unwrap_or_default().iter().rev().copied()
+        self.row(dof).skip(1)
     }
 }
 

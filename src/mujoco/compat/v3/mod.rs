@@ -15,7 +15,7 @@ mod messages;
 
 pub(in crate::mujoco) use collision::*;
 pub(in crate::mujoco) use contacts::*;
-pub use inertia::MassFactor;
+pub use inertia::MassRows;
 pub(in crate::mujoco) use inertia::{actuator_moment, full_mass_matrix};
 pub(in crate::mujoco) use messages::*;
 
