@@ -9,6 +9,7 @@ use crate::grasp::linalg::Spatial;
 use crate::grasp::monitor::wrench::LoadedContact;
 use crate::mujoco::{BodyId, Cone, Contact, GeomId, Simulation};
 use nalgebra::Vector3;
+use std::borrow::Borrow;
 
 mod memory;
 mod motion;
@@ -197,27 +198,22 @@ impl GraspContact {
         }
     }
 
-    fn read(contact: &Contact, index: usize, sim: &Simulation, topology: &Topology) -> Option<GraspContact> {
-        let (b1, b2) = (contact.bodies[0].index(), contact.bodies[1].index());
-        let (link_id, target, sign) = if topology.in_hand(b1) && topology.in_target(b2) {
-            (contact.bodies[0], b2, 1.0)
-        } else if topology.in_hand(b2) && topology.in_target(b1) {
-            (contact.bodies[1], b1, -1.0)
-        } else {
-            return None;
-        };
-        let weights = sim.model().body_invweight0();
+    /// A contact of the target, which is the engine's first body of it or the second.
+    fn read(contact: &Contact, target_first: bool, index: usize, sim: &Simulation, topology: &Topology) -> Self {
+        let [target, link_id] = if target_first { contact.bodies } else { [contact.bodies[1], contact.bodies[0]] };
+        let sign = if target_first { -1.0 } else { 1.0 };
+        let weight = |body: BodyId| sim.model().body_invweight0()[2 * body.index()];
         // turning all three axes when the target comes first keeps the rows of the engine
         let axis = |i: usize| contact.frame.row(i).transpose() * sign;
-        Some(GraspContact {
+        GraspContact {
             link_id,
             link: link_id.index(),
-            target,
+            target: target.index(),
             geoms: (contact.geoms[0].index(), contact.geoms[1].index()),
-            target_first: sign < 0.0,
+            target_first,
             index,
             finger: topology.finger(link_id.index()),
-            leaves: [topology.leaf(link_id.index()), topology.leaf(target)],
+            leaves: [link_id, target].map(|body| topology.leaf(body.index())),
             drift: [Vector3::zeros(); 2],
             position: contact.position,
             axes: [axis(0), axis(1), axis(2)],
@@ -228,7 +224,7 @@ impl GraspContact {
                 margin: contact.include_margin,
                 condim: contact.condim,
                 friction: contact.friction,
-                inverse_weight: weights[2 * b1] + weights[2 * b2],
+                inverse_weight: weight(contact.bodies[0]) + weight(contact.bodies[1]),
             },
             force_rows: [0.0; 6],
             force: Vector3::zeros(),
@@ -240,9 +236,24 @@ impl GraspContact {
             slip_velocity: Vector3::zeros(),
             warm_start: None,
             displacement: None,
-            anchors: [link_id, BodyId::from_index(target)].map(|body| sim.point_in_body(body, &contact.position)),
+            anchors: [link_id, target].map(|body| sim.point_in_body(body, &contact.position)),
             jump: None,
-        })
+        }
+    }
+
+    /// Remembers the same contact in the last step, the nearest of the same two geoms in it, and where that was in the frames of
+    /// link and target.
+    fn remember(&mut self, before: &[SavedContact], anchors: &[[Vector3<f64>; 2]]) {
+        let distance = |past: &SavedContact| (past.position - self.position).norm_squared();
+        let alike = before.iter().enumerate().filter(|(_, past)| past.geoms == self.geoms);
+        let nearest = alike.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
+        let Some((index, before)) = nearest else { return };
+        self.warm_start = Some(before.warm_start(self));
+        self.displacement = Some([before.normal.cross(&self.axes[0]), self.position - before.position]);
+        self.jump = anchors.get(index).map(|was| {
+            let [from_link, from_target] = [0, 1].map(|side| (self.anchors[side] - was[side]).norm());
+            from_link.min(from_target)
+        });
     }
 }
 
@@ -267,7 +278,7 @@ impl ContactSet {
     /// [`Error::BadContact`].
     pub fn read(
         &mut self,
-        detected: impl Iterator<Item = Contact>,
+        detected: impl Iterator<Item = impl Borrow<Contact>>,
         sim: &Simulation,
         topology: &Topology,
     ) -> Result<(), Error> {
@@ -279,33 +290,23 @@ impl ContactSet {
         }
         self.now.clear();
         for (index, contact) in detected.enumerate() {
+            let contact = contact.borrow();
             if contact.excluded {
                 continue;
             }
-            if let Some(mut contact) = GraspContact::read(&contact, index, sim, topology) {
+            let [a, b] = contact.bodies.map(|body| body.index());
+            let target_first = topology.in_hand(b) && topology.in_target(a);
+            if target_first || topology.in_hand(a) && topology.in_target(b) {
+                // a contact is many numbers: it is made where it stays
+                self.now.push(GraspContact::read(contact, target_first, index, sim, topology));
+                let Some(contact) = self.now.last_mut() else { continue };
+                contact.remember(&self.before, &self.anchors);
                 contact.check_numbers(sim)?;
-                if let Some((index, before)) = self.remembered(&contact) {
-                    contact.warm_start = Some(before.warm_start(&contact));
-                    contact.displacement =
-                        Some([before.normal.cross(&contact.axes[0]), contact.position - before.position]);
-                    contact.jump = self.anchors.get(index).map(|was| {
-                        let [from_link, from_target] = [0, 1].map(|side| (contact.anchors[side] - was[side]).norm());
-                        from_link.min(from_target)
-                    });
-                }
-                self.now.push(contact);
             }
         }
         let same = self.now.len() == self.before.len() && self.now.iter().all(GraspContact::is_where_it_was);
         self.kept = if same { self.kept + 1 } else { 0 };
         Ok(())
-    }
-
-    /// The nearest contact of the same two geoms in the last step.
-    fn remembered(&self, contact: &GraspContact) -> Option<(usize, &SavedContact)> {
-        let distance = |past: &SavedContact| (past.position - contact.position).norm_squared();
-        let alike = self.before.iter().enumerate().filter(|(_, past)| past.geoms == contact.geoms);
-        alike.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)))
     }
 
     /// What the next step remembers of the contacts, into `out`.

@@ -30,7 +30,7 @@ impl Grasp {
 
     /// Reads contacts that were found without the engine's collision stage, those of other grasps among them.
     pub(in crate::grasp) fn read_found(&mut self, sim: &Simulation, found: &[Contact]) -> Result<(), Error> {
-        self.set.read(found.iter().cloned(), sim, &self.topology)
+        self.set.read(found.iter(), sim, &self.topology)
     }
 
     /// Takes the contacts out of the engine's solve, between collision and constraint making.
