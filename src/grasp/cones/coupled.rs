@@ -5,7 +5,7 @@
 //! The contacts of other latched grasps join them as foreign (see [`foreign`]).
 
 use crate::grasp::cones::dynamics::Dynamics;
-use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::contacts::{GraspContact, Turning};
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS, pyramid_pairs};
 use crate::grasp::contact::softness::SolverOptions;
 use crate::mujoco::{Error, RowState, Simulation};
@@ -83,6 +83,8 @@ pub struct CoupledConstraints {
     /// No other solve takes what does not move with this grasp.
     alone: bool,
     foreign: Vec<GraspContact>,
+    /// In a frozen step.
+    turning: Turning,
 }
 
 impl CoupledConstraints {
@@ -110,7 +112,8 @@ impl CoupledConstraints {
     /// The same rows one step on frozen geometry later: their biases.
     pub fn resume(&mut self, sim: &Simulation, dynamics: &Dynamics<'_>, options: &SolverOptions) {
         let (reference, acceleration) = (sim.efc_aref(), sim.qacc_smooth());
-        let CoupledConstraints { list, support, entries, bias, foreign, .. } = self;
+        let CoupledConstraints { list, support, entries, bias, foreign, turning, .. } = self;
+        turning.forget();
         for n in list {
             n.solved = false;
             let bias = &mut bias[n.first..n.first + n.rows];
@@ -125,7 +128,7 @@ impl CoupledConstraints {
                 *bias = along(support, &entries[k * support.len()..], acceleration);
             }
             if let Some(number) = n.foreign() {
-                foreign[number].resume_rows(dynamics, options, bias);
+                foreign[number].resume_rows(dynamics, turning, options, bias);
                 continue;
             }
             for (k, bias) in bias.iter_mut().enumerate() {

@@ -180,19 +180,35 @@ pub struct FingerInverseInertia {
     /// Position in `dofs` of each joint's nearest ancestor within the finger.
     parents: Vec<Option<usize>>,
     axes: Vec<Spatial>,
+    /// Acceleration relative to the palm of what each joint moves, without constraint forces.
+    smooth: Vec<Spatial>,
 }
 
 impl FingerInverseInertia {
     /// The finger with these degrees of freedom, parents first.
     pub fn new(dofs: Vec<usize>, dof_parent: &[i32]) -> Self {
         let parents = dofs.iter().map(|&d| dofs.iter().position(|&p| p as i32 == dof_parent[d])).collect();
-        FingerInverseInertia { axes: vec![Spatial::zeros(); dofs.len()], dofs, parents }
+        FingerInverseInertia {
+            axes: vec![Spatial::zeros(); dofs.len()],
+            smooth: vec![Spatial::zeros(); dofs.len()],
+            dofs,
+            parents,
+        }
     }
 
     /// Updates to the present state.
     pub fn update(&mut self, dynamics: &Dynamics<'_>) {
         for (axis, &dof) in self.axes.iter_mut().zip(&self.dofs) {
             *axis = dynamics.axis(dof);
+        }
+        self.accelerate(dynamics);
+    }
+
+    /// Updates the accelerations alone, where nothing has moved.
+    pub fn accelerate(&mut self, dynamics: &Dynamics<'_>) {
+        for (k, &dof) in self.dofs.iter().enumerate() {
+            let before = self.parents[k].map_or(Spatial::zeros(), |parent| self.smooth[parent]);
+            self.smooth[k] = before + self.axes[k] * dynamics.acceleration[dof];
         }
     }
 
@@ -210,14 +226,8 @@ impl FingerInverseInertia {
     }
 
     /// Acceleration of the link on `leaf` relative to the palm, without constraint forces.
-    pub fn smooth_acceleration(&self, dynamics: &Dynamics<'_>, leaf: usize) -> Spatial {
-        let mut out = Spatial::zeros();
-        let mut at = self.position(leaf);
-        while let Some(k) = at {
-            out += self.axes[k] * dynamics.acceleration[self.dofs[k]];
-            at = self.parents[k];
-        }
-        out
+    pub fn smooth_acceleration(&self, leaf: usize) -> Spatial {
+        self.position(leaf).map_or(Spatial::zeros(), |k| self.smooth[k])
     }
 
     /// The row of a wrench on the link whose last joint is `leaf`: its force on each of the joints before it, into one entry

@@ -18,11 +18,12 @@ use crate::grasp::cones::coupled::{CoupledConstraint, CoupledConstraints};
 use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::cones::inverse_inertia::{HandInverseInertia, Spatial};
 use crate::grasp::cones::joint_groups::JointGroups;
-use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::contacts::{GraspContact, Turning};
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};
 use crate::grasp::contact::softness::{Softness, SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
 use crate::grasp::linalg;
+use nalgebra::Vector3;
 
 /// The solver and its memory from step to step (warm start).
 #[derive(Clone, Debug)]
@@ -40,6 +41,8 @@ pub struct GraspSolver {
     combined: Vec<f64>,
     main: RootVector,
     noslip: RootVector,
+    /// In a frozen step.
+    turning: Turning,
 }
 
 /// What a block of the arrow stands for.
@@ -75,6 +78,7 @@ impl GraspSolver {
             combined: Vec::new(),
             main: [0.0; ROOT],
             noslip: [0.0; ROOT],
+            turning: Turning::default(),
         }
     }
 
@@ -148,11 +152,17 @@ impl GraspSolver {
     pub fn add_forces(&self, dynamics: &Dynamics<'_>, topology: &Topology, contacts: &[GraspContact], out: &mut [f64]) {
         let (mut on_palm, mut on_target) = (Spatial::zeros(), Spatial::zeros());
         let target = dynamics.reference_point(topology.target());
-        for c in contacts {
-            on_target += c.wrench_about(&target);
-            let on_link = -c.wrench_about(&dynamics.reference_point(c.link));
+        // contacts of one link follow each other, as a rule
+        for same_link in contacts.chunk_by(|a, b| a.link == b.link) {
+            let GraspContact { link, finger, .. } = same_link[0];
+            let point = dynamics.reference_point(link);
+            let mut on_link = Spatial::zeros();
+            for contact in same_link {
+                on_target += contact.wrench_about(&target);
+                on_link -= contact.wrench_about(&point);
+            }
             on_palm += on_link;
-            if let (Some(finger), Some(leaf)) = (c.finger, topology.leaf(c.link)) {
+            if let (Some(finger), Some(leaf)) = (finger, topology.leaf(link)) {
                 self.inverse_inertia.fingers[finger].add_force(leaf, &on_link, out);
             }
         }
@@ -302,7 +312,7 @@ impl GraspSolver {
         let soft = softness(&contact.parameters, options);
         let rows = contact.parameters.condim;
         let wrenches = contact.unit_wrenches(dynamics);
-        let bias = self.contact_bias(dynamics, topology, contact, &soft, &wrenches);
+        let bias = self.contact_bias(dynamics, topology, contact, &soft, &contact.velocity(dynamics));
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let memory = contact.warm_start();
         let start = memory.map_or([0.0; MAX_ROWS], |m| m.main);
@@ -323,25 +333,23 @@ impl GraspSolver {
         }
     }
 
-    /// `J qacc_smooth - aref` of each row of a contact, whose unit wrenches are given.
+    /// `J qacc_smooth - aref` of each row of a contact with this relative velocity.
     fn contact_bias(
         &self,
         dynamics: &Dynamics<'_>,
         topology: &Topology,
         contact: &GraspContact,
         soft: &Softness,
-        wrenches: &[[Spatial; 2]; MAX_ROWS],
+        velocity: &[Vector3<f64>; 2],
     ) -> [f64; MAX_ROWS] {
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let finger = contact.finger.zip(topology.leaf(contact.link));
-        let of_finger = finger.map(|(finger, leaf)| fingers[finger].smooth_acceleration(dynamics, leaf));
-        let hand_acceleration = palm.smooth + of_finger.unwrap_or_default();
-        let [hand_velocity, target_velocity] = [contact.link, contact.target].map(|body| dynamics.velocity(body));
+        let hand = finger.map_or(palm.smooth, |(finger, leaf)| palm.smooth + fingers[finger].smooth_acceleration(leaf));
+        let acceleration = contact.relative(dynamics, [&hand, &target.smooth]);
+        let [turn, move_] = [0, 1].map(|k| acceleration[k] + velocity[k] * soft.damping);
         let mut bias = [0.0; MAX_ROWS];
-        for (i, [on_hand, on_target]) in wrenches.iter().take(contact.parameters.condim).enumerate() {
-            let velocity = on_target.dot(&target_velocity) + on_hand.dot(&hand_velocity) + contact.drift_along(i);
-            let acceleration = on_target.dot(&target.smooth) + on_hand.dot(&hand_acceleration);
-            bias[i] = acceleration + soft.damping * velocity;
+        for (i, bias) in bias.iter_mut().take(contact.parameters.condim).enumerate() {
+            *bias = contact.axes[i % 3].dot(if i < 3 { &move_ } else { &turn });
         }
         bias[0] += soft.spring;
         bias

@@ -15,6 +15,7 @@ mod memory;
 mod motion;
 
 pub(in crate::grasp) use memory::{SavedContact, WarmStart};
+pub(in crate::grasp) use motion::Turning;
 
 /// A contact that moves as far between two whole steps, seen from the link and from the target, has jumped, as the one point that
 /// stands for a face may do in every step \[m\].

@@ -121,16 +121,6 @@ pub struct Response {
 }
 
 impl Response {
-    /// Back to no force, on the rows of a contact with `rows` rows.
-    fn clear(&mut self, rows: usize) {
-        self.cost = 0.0;
-        self.active_set = ActiveSet::Open;
-        self.force[..rows].fill(0.0);
-        for row in self.hessian.chunks_exact_mut(MAX_ROWS).take(rows) {
-            row[..rows].fill(0.0);
-        }
-    }
-
     /// No force.
     pub fn open() -> Self {
         Response { cost: 0.0, force: [0.0; MAX_ROWS], hessian: [0.0; MAX_ROWS * MAX_ROWS], active_set: ActiveSet::Open }
@@ -190,9 +180,9 @@ impl Cost {
         out
     }
 
-    /// As [`respond`](Self::respond), into `out`: the entries of the cost's rows are set, the others left as they are.
+    /// As [`respond`](Self::respond), into `out`.
     pub fn respond_into(&self, jar: &[f64], out: &mut Response) {
-        out.clear(jar.len());
+        *out = Response::open();
         match self {
             Cost::Unilateral { stiffness } => unilateral(out, jar[0], *stiffness),
             Cost::Elliptic { stiffness, cone, friction } => elliptic(out, jar, *stiffness, *cone, friction),
@@ -224,8 +214,7 @@ impl Cost {
     /// The force if the contact stays in `active_set`: on an affine active set the cost's affine piece, continued beyond the active set;
     /// elsewhere the cost itself. A guess to start from: `cost` is not set.
     pub fn respond_in(&self, jar: &[f64], active_set: ActiveSet, out: &mut Response) {
-        out.clear(jar.len());
-        out.active_set = active_set;
+        *out = Response { active_set, ..Response::open() };
         match (self, active_set) {
             (Cost::Unilateral { .. } | Cost::Elliptic { .. }, ActiveSet::Open) => {}
             (Cost::Pyramidal { .. }, ActiveSet::Open) => {}

@@ -8,7 +8,7 @@
 //! All references are velocities, except the normals' springs, so a row at its bound has nothing to spring back to.
 
 use crate::grasp::cones::dynamics::Dynamics;
-use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::contacts::{GraspContact, Turning};
 use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::error::Error;
@@ -77,6 +77,7 @@ struct Scratch {
     resistances: Vec<f64>,
     bias: Vec<f64>,
     jacobian: Vec<f64>,
+    turning: Turning,
 }
 
 impl MergedSolver {
@@ -170,8 +171,10 @@ impl MergedSolver {
     /// One step on frozen geometry later, before [`load`](Self::load): the contacts have moved on.
     pub(in crate::grasp) fn resume(&mut self, sim: &Simulation, topology: &Topology, contacts: &mut [GraspContact]) {
         let (dynamics, options) = (Dynamics::of(sim), SolverOptions::of(sim.model()));
+        let turning = &mut self.scratch.turning;
+        turning.forget();
         for (law, &i) in self.bilateral.iter_mut().zip(&self.order) {
-            contacts[i].resume(&dynamics, options.timestep);
+            contacts[i].resume(&dynamics, turning, options.timestep);
             law.resume(&contacts[i], &options);
         }
         if self.soft.any() {

@@ -6,7 +6,7 @@
 
 use super::{CoupledConstraint, CoupledConstraints, Jacobian, Owner};
 use crate::grasp::cones::dynamics::Dynamics;
-use crate::grasp::contact::contacts::GraspContact;
+use crate::grasp::contact::contacts::{GraspContact, Turning};
 use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::hand::topology::Topology;
@@ -109,10 +109,15 @@ impl CoupledConstraints {
 
 impl GraspContact {
     /// One step on frozen geometry later: the `bias` of each of the contact's rows, in which their smooth acceleration is.
-    pub(super) fn resume_rows(&mut self, dynamics: &Dynamics<'_>, options: &SolverOptions, bias: &mut [f64]) {
-        self.resume(dynamics, options.timestep);
+    pub(super) fn resume_rows(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        turning: &mut Turning,
+        options: &SolverOptions,
+        bias: &mut [f64],
+    ) {
+        let velocities = self.resume(dynamics, turning, options.timestep);
         let soft = softness(&self.parameters, options);
-        let velocities = self.velocity(dynamics);
         for (i, bias) in bias.iter_mut().enumerate() {
             let velocity = self.axes[i % 3].dot(&velocities[usize::from(i < 3)]);
             *bias += soft.damping * velocity;

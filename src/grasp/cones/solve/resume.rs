@@ -22,6 +22,8 @@ impl GraspSolver {
         self.arrow.resume();
         self.inverse_inertia.palm.accelerate(dynamics);
         self.inverse_inertia.target.accelerate(dynamics);
+        self.inverse_inertia.fingers.iter_mut().for_each(|finger| finger.accelerate(dynamics));
+        self.turning.forget();
         for block in 0..self.order.len() {
             match self.order[block] {
                 Member::Contact(i) => self.resume_contact(dynamics, topology, options, block, &mut contacts[i]),
@@ -55,9 +57,9 @@ impl GraspSolver {
         block: usize,
         contact: &mut GraspContact,
     ) {
-        contact.resume(dynamics, options.timestep);
+        let velocity = contact.resume(dynamics, &mut self.turning, options.timestep);
         let soft = softness(&contact.parameters, options);
-        let bias = self.contact_bias(dynamics, topology, contact, &soft, &contact.unit_wrenches(dynamics));
+        let bias = self.contact_bias(dynamics, topology, contact, &soft, &velocity);
         let rows = contact.parameters.condim;
         self.arrow.bias_mut(block).copy_from_slice(&bias[..rows]);
         self.recost_contact(block, contact);

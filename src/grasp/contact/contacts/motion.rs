@@ -6,6 +6,26 @@ use crate::grasp::contact::cost::MAX_ROWS;
 use crate::grasp::linalg::Spatial;
 use nalgebra::Vector3;
 
+/// How the axes of joints turn what they move, `dJ/dt qvel` by the last of these: the same for all contacts of one body.
+#[derive(Clone, Debug, Default)]
+pub(in crate::grasp) struct Turning(Vec<(Option<usize>, Spatial)>);
+
+impl Turning {
+    /// Nothing is known of a new step.
+    pub fn forget(&mut self) {
+        self.0.clear();
+    }
+
+    fn of(&mut self, dynamics: &Dynamics<'_>, leaf: Option<usize>) -> Spatial {
+        if let Some((_, known)) = self.0.iter().find(|(of, _)| *of == leaf) {
+            return *known;
+        }
+        let turning = dynamics.turning(leaf);
+        self.0.push((leaf, turning));
+        turning
+    }
+}
+
 impl GraspContact {
     /// The wrenches of unit forces of each row, on the link and on the target, about the bodies' reference points; zero beyond
     /// the contact's rows.
@@ -25,19 +45,20 @@ impl GraspContact {
     }
 
     /// The same of the target less the link's.
-    fn relative(&self, dynamics: &Dynamics<'_>, [hand, target]: [Spatial; 2]) -> [Vector3<f64>; 2] {
-        let (t, h) = (self.at_contact(dynamics, &target, self.target), self.at_contact(dynamics, &hand, self.link));
+    pub(in crate::grasp) fn relative(
+        &self,
+        dynamics: &Dynamics<'_>,
+        [hand, target]: [&Spatial; 2],
+    ) -> [Vector3<f64>; 2] {
+        let (t, h) = (self.at_contact(dynamics, target, self.target), self.at_contact(dynamics, hand, self.link));
         [t[0] - h[0], t[1] - h[1]]
     }
 
-    /// The same, per second, of the bodies' present velocities.
-    fn relative_velocity(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
-        self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)))
-    }
-
-    /// Rotation and translation of the target relative to the link at the contact, per second.
+    /// Rotation and translation of the target relative to the link at the contact, per second, from the bodies' present
+    /// velocities.
     pub(in crate::grasp) fn velocity(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
-        let [turn, move_] = self.relative_velocity(dynamics);
+        let [turn, move_] =
+            self.relative(dynamics, [self.link, self.target].map(|body| dynamics.velocity(body)).each_ref());
         [turn + self.drift[0], move_ + self.drift[1]]
     }
 
@@ -46,23 +67,24 @@ impl GraspContact {
         self.axes[i % 3].dot(&self.drift[usize::from(i < 3)])
     }
 
-    /// `dJ/dt qvel` of the relative velocity: the material points' acceleration while no joint accelerates.
-    fn turning(&self, dynamics: &Dynamics<'_>) -> [Vector3<f64>; 2] {
-        let [turn, move_] = self.relative(dynamics, self.leaves.map(|leaf| dynamics.turning(leaf)));
-        let swing = |body: usize| {
-            let [turn, move_] = self.at_contact(dynamics, &dynamics.velocity(body), body);
-            turn.cross(&move_)
-        };
-        [turn, move_ + swing(self.target) - swing(self.link)]
-    }
-
     /// One step on frozen geometry later, after the velocities: the surfaces have moved, the relative velocity has changed with
-    /// what the joints' axes have turned, and the last step's forces are what is remembered.
-    pub(in crate::grasp) fn resume(&mut self, dynamics: &Dynamics<'_>, timestep: f64) {
-        let turning = self.turning(dynamics);
-        self.drift.iter_mut().zip(turning).for_each(|(drift, rate)| *drift += rate * timestep);
-        let [_, velocity] = self.velocity(dynamics);
-        self.parameters.dist += timestep * self.axes[0].dot(&velocity);
+    /// what the joints' axes have turned, and the last step's forces are what is remembered. Returns the
+    /// [velocity](Self::velocity).
+    pub(in crate::grasp) fn resume(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        turning: &mut Turning,
+        timestep: f64,
+    ) -> [Vector3<f64>; 2] {
+        let turning = self.leaves.map(|leaf| turning.of(dynamics, leaf));
+        let [turning, swinging] = self.relative(dynamics, turning.each_ref());
+        let [link, target] =
+            [self.link, self.target].map(|body| self.at_contact(dynamics, &dynamics.velocity(body), body));
+        // `dJ/dt qvel`: the material points' acceleration while no joint accelerates
+        self.drift[0] += turning * timestep;
+        self.drift[1] += (swinging + target[0].cross(&target[1]) - link[0].cross(&link[1])) * timestep;
+        let velocity = [0, 1].map(|k| target[k] - link[k] + self.drift[k]);
+        self.parameters.dist += timestep * self.axes[0].dot(&velocity[1]);
         self.solved = false;
         let mut friction = [0.0; 5];
         friction.copy_from_slice(&self.force_rows[1..]);
@@ -70,6 +92,7 @@ impl GraspContact {
         correction.iter_mut().zip(&self.main[1..]).for_each(|(correction, main)| *correction -= main);
         let GraspContact { main, active_sets, residual, .. } = *self;
         self.warm_start = Some(WarmStart { main, friction, correction: Some(correction), active_sets, residual });
+        velocity
     }
 
     /// Adds what the contact's force adds to the generalised force with each further step, to first order in time: its point
