@@ -238,11 +238,10 @@ impl Arrow {
         (joint, entry): (usize, f64),
         bias: f64,
         force: f64,
-    ) -> usize {
-        let Some(branch) = self.branches.last_mut() else { return 0 };
+    ) {
+        let Some(branch) = self.branches.last_mut() else { return };
         branch.singles.1 += 1;
         self.singles.push(Single::new(&cost, active_set, branch, (joint, entry), bias, force));
-        self.singles.len() - 1
     }
 
     /// Ends a branch: its inertia is set.

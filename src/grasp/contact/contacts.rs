@@ -109,12 +109,13 @@ impl GraspContact {
         let rows = self.parameters.condim.saturating_sub(1).min(5);
         let normal = self.normal_force();
         let limited = self.force_rows[1..].iter().zip(self.parameters.friction).take(rows).filter(|(_, mu)| *mu > 0.0);
-        let shares: Vec<f64> = limited.map(|(force, mu)| (force / (mu * normal)).abs()).collect();
+        let shares = limited.map(|(force, mu)| (force / (mu * normal)).abs());
+        let sum = |share: fn(f64) -> f64| shares.clone().map(share).reduce(|sum, share| sum + share);
         let share = match cone {
-            Cone::Elliptic => shares.iter().map(|s| s * s).sum::<f64>().sqrt(),
-            _ => shares.iter().sum(),
+            Cone::Elliptic => sum(|share| share * share).map(f64::sqrt),
+            _ => sum(|share| share),
         };
-        (normal > 0.0 && !shares.is_empty()).then_some(share)
+        share.filter(|_| normal > 0.0)
     }
 
     /// True while friction is at its limit.

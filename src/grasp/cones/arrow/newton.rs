@@ -10,9 +10,8 @@ use crate::grasp::linalg::{self, axpy_lanes, dot_lanes};
 /// Gradient norm, relative to that of the inertial forces and in the metric of the inverse inertia, below which a point counts
 /// as the minimum.
 const TOLERANCE: f64 = 1e-6;
-/// Newton iterations before giving up. Warm-started steps take one or two; while many contacts begin and cease to slide,
-/// one step in some thousands takes 60 to 150. Giving up is dear: one step of unsolved friction puts the target up to
-/// millimetres off.
+/// Newton iterations before giving up. Warm-started steps take one or two; while many contacts begin and cease to slide, some
+/// tens. Giving up is dear: one step of unsolved friction puts the target up to millimetres off.
 const MAX_ITERATIONS: usize = 1000;
 /// Share of the cost below which a decrease is rounding: if the gradient does not halve either, there is no descent left at this
 /// precision.
@@ -22,7 +21,8 @@ impl Arrow {
     /// Minimises from the start `z` and leaves the solution there.
     ///
     /// The first step takes every contact to be where it is expected on its cone. If it ends there and no contact
-    /// slides, that step was the whole solve.
+    /// slides, that step was the whole solve. It leads to the same point from every start, unless a contact is expected to slide
+    /// and nobody has said [at which residual](Arrow::expect).
     pub fn solve(&mut self, z: &mut RootVector) -> Status {
         let (rows, local, square) = (self.bias.len(), self.point.len(), self.inertia.len());
         for buffer in [&mut self.jar, &mut self.slope, &mut self.forces] {
