@@ -292,6 +292,7 @@ fn friction_that_is_no_number_while_latched_is_an_error_that_says_where() {
             for part in [mode.name(), "2.500", "friction", "geom \"object\"", "finite"] {
                 assert!(error.contains(part), "{part:?} is not in: {error}");
             }
+            assert!(runner.grasp().contacts().is_empty(), "the refused contact is not listed");
         }
     }
 }

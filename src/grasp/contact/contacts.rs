@@ -180,26 +180,6 @@ impl GraspContact {
         }
     }
 
-    /// Refuses parameters that are no numbers. The geoms' own friction is looked at too: the larger of two passes over NaN.
-    fn check_numbers(&self, sim: &Simulation) -> Result<(), Error> {
-        let (p, model) = (&self.parameters, sim.model());
-        let (a, b) = self.geoms;
-        let own = |geom: usize| &model.geom_friction()[3 * geom..3 * geom + 3];
-        let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
-        let checks: [(&'static str, bool); 3] = [
-            ("friction", finite(&p.friction) && finite(own(a)) && finite(own(b))),
-            ("solref or solimp", finite(&p.solref) && finite(&p.solimp)),
-            ("distance or margin", finite(&[p.dist, p.margin])),
-        ];
-        match checks.iter().find(|(_, finite)| !finite) {
-            None => Ok(()),
-            Some(&(what, _)) => {
-                let geoms = [a, b].map(|geom| model.label(GeomId::from_index(geom)));
-                Err(Error::BadContact { time: sim.time(), what, geoms })
-            }
-        }
-    }
-
     /// A contact of the target, which is the engine's first body of it or the second.
     fn read(contact: &Contact, target_first: bool, index: usize, sim: &Simulation, topology: &Topology) -> Self {
         let [target, link_id] = if target_first { contact.bodies } else { [contact.bodies[1], contact.bodies[0]] };
@@ -299,11 +279,12 @@ impl ContactSet {
             let [a, b] = contact.bodies.map(|body| body.index());
             let target_first = topology.in_hand(b) && topology.in_target(a);
             if target_first || topology.in_hand(a) && topology.in_target(b) {
+                check_numbers(contact, sim)?;
                 // a contact is many numbers: it is made where it stays
                 self.now.push(GraspContact::read(contact, target_first, index, sim, topology));
-                let Some(contact) = self.now.last_mut() else { continue };
-                contact.remember(&self.before, &self.anchors);
-                contact.check_numbers(sim)?;
+                if let Some(contact) = self.now.last_mut() {
+                    contact.remember(&self.before, &self.anchors);
+                }
             }
         }
         let same = self.now.len() == self.before.len() && self.now.iter().all(GraspContact::is_where_it_was);
@@ -372,6 +353,24 @@ impl ContactSet {
     /// True if a link on `effectors` touches the target with a force.
     pub fn touched_by(&self, is_effector: impl Fn(usize) -> bool) -> bool {
         self.now.iter().any(|c| is_effector(c.link) && c.normal_force() > 0.0)
+    }
+}
+
+/// Refuses parameters that are no numbers. The geoms' own friction is looked at too: the larger of two passes over NaN.
+fn check_numbers(contact: &Contact, sim: &Simulation) -> Result<(), Error> {
+    let model = sim.model();
+    let own = |geom: GeomId| &model.geom_friction()[3 * geom.index()..3 * geom.index() + 3];
+    let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+    let checks: [(&'static str, bool); 3] = [
+        ("friction", finite(&contact.friction) && contact.geoms.into_iter().all(|geom| finite(own(geom)))),
+        ("solref or solimp", finite(&contact.solref) && finite(&contact.solimp)),
+        ("distance or margin", finite(&[contact.dist, contact.include_margin])),
+    ];
+    match checks.iter().find(|(_, finite)| !finite) {
+        None => Ok(()),
+        Some(&(what, _)) => {
+            Err(Error::BadContact { time: sim.time(), what, geoms: contact.geoms.map(|geom| model.label(geom)) })
+        }
     }
 }
 
