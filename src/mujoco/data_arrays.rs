@@ -165,7 +165,7 @@ impl Simulation {
         MassRows::of_factor(self)
     }
 
-    /// The inertia matrix `M`, its lower triangle.
+    /// The inertia matrix `M`, its lower triangle. Valid after [`inertia`](Self::inertia).
     pub fn mass_rows(&self) -> MassRows<'_> {
         MassRows::of_inertia(self)
     }

@@ -154,7 +154,7 @@ impl GraspSolver {
         let target = dynamics.reference_point(topology.target());
         // contacts of one link follow each other, as a rule
         for same_link in contacts.chunk_by(|a, b| a.link == b.link) {
-            let GraspContact { link, finger, .. } = same_link[0];
+            let GraspContact { link, finger, leaves: [leaf, _], .. } = same_link[0];
             let point = dynamics.reference_point(link);
             let mut on_link = Spatial::zeros();
             for contact in same_link {
@@ -162,7 +162,7 @@ impl GraspSolver {
                 on_link -= contact.wrench_about(&point);
             }
             on_palm += on_link;
-            if let (Some(finger), Some(leaf)) = (finger, topology.leaf(link)) {
+            if let (Some(finger), Some(leaf)) = (finger, leaf) {
                 self.inverse_inertia.fingers[finger].add_force(leaf, &on_link, out);
             }
         }
@@ -192,14 +192,14 @@ impl GraspSolver {
         // without joints of their own blocks share nothing but the root
         self.arrow.begin_branch(0);
         for (i, contact) in contacts.iter().enumerate().filter(|(_, c)| c.finger.is_none()) {
-            self.add_contact(dynamics, topology, options, (i, contact), None);
+            self.add_contact(dynamics, options, (i, contact), None);
         }
         for k in 0..self.groups.free().len() {
             self.add_dense(coupled, self.groups.free()[k]);
         }
         self.arrow.end_branch();
         for k in 0..self.groups.count() {
-            self.add_group(dynamics, topology, options, contacts, coupled, k);
+            self.add_group(dynamics, options, contacts, coupled, k);
         }
     }
 
@@ -207,7 +207,6 @@ impl GraspSolver {
     fn add_group(
         &mut self,
         dynamics: &Dynamics<'_>,
-        topology: &Topology,
         options: &SolverOptions,
         contacts: &[GraspContact],
         coupled: &CoupledConstraints,
@@ -225,7 +224,7 @@ impl GraspSolver {
             let offset = self.groups.offset(finger) - self.groups.group(k).whitened + combinations;
             joints.set_inertia(dynamics, palm, &mut self.arrow, offset);
             for (i, contact) in contacts.iter().enumerate().filter(|(_, c)| c.finger == Some(finger)) {
-                self.add_contact(dynamics, topology, options, (i, contact), Some((finger, offset)));
+                self.add_contact(dynamics, options, (i, contact), Some((finger, offset)));
             }
         }
         let mut at = 0;
@@ -304,7 +303,6 @@ impl GraspSolver {
     fn add_contact(
         &mut self,
         dynamics: &Dynamics<'_>,
-        topology: &Topology,
         options: &SolverOptions,
         (index, contact): (usize, &GraspContact),
         own: Option<(usize, usize)>,
@@ -312,7 +310,7 @@ impl GraspSolver {
         let soft = softness(&contact.parameters, options);
         let rows = contact.parameters.condim;
         let wrenches = contact.unit_wrenches(dynamics);
-        let bias = self.contact_bias(dynamics, topology, contact, &soft, &contact.velocity(dynamics));
+        let bias = self.contact_bias(dynamics, contact, &soft, &contact.velocity(dynamics));
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
         let memory = contact.warm_start();
         let start = memory.map_or([0.0; MAX_ROWS], |m| m.main);
@@ -320,8 +318,7 @@ impl GraspSolver {
         let block = self.arrow.add_block(soft.cost, active_set, &bias[..rows], &start[..rows]);
         self.order.push(Member::Contact(index));
         self.soft.push(soft.cost);
-        let finger =
-            own.zip(topology.leaf(contact.link)).map(|((finger, offset), leaf)| (&fingers[finger], offset, leaf));
+        let finger = own.zip(contact.leaves[0]).map(|((finger, offset), leaf)| (&fingers[finger], offset, leaf));
         for (i, [on_hand, on_target]) in wrenches.iter().take(rows).enumerate() {
             let (root, own) = self.arrow.row(block, i);
             let (of_palm, of_target) = root.split_at_mut(palm.rank());
@@ -337,19 +334,18 @@ impl GraspSolver {
     fn contact_bias(
         &self,
         dynamics: &Dynamics<'_>,
-        topology: &Topology,
         contact: &GraspContact,
         soft: &Softness,
         velocity: &[Vector3<f64>; 2],
     ) -> [f64; MAX_ROWS] {
         let HandInverseInertia { palm, target, fingers } = &self.inverse_inertia;
-        let finger = contact.finger.zip(topology.leaf(contact.link));
+        let finger = contact.finger.zip(contact.leaves[0]);
         let hand = finger.map_or(palm.smooth, |(finger, leaf)| palm.smooth + fingers[finger].smooth_acceleration(leaf));
         let acceleration = contact.relative(dynamics, [&hand, &target.smooth]);
-        let [turn, move_] = [0, 1].map(|k| acceleration[k] + velocity[k] * soft.damping);
+        let damped = [0, 1].map(|k| acceleration[k] + velocity[k] * soft.damping);
         let mut bias = [0.0; MAX_ROWS];
         for (i, bias) in bias.iter_mut().take(contact.parameters.condim).enumerate() {
-            *bias = contact.axes[i % 3].dot(if i < 3 { &move_ } else { &turn });
+            *bias = contact.along_row(i, &damped);
         }
         bias[0] += soft.spring;
         bias

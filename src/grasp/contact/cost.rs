@@ -216,8 +216,7 @@ impl Cost {
     pub fn respond_in(&self, jar: &[f64], active_set: ActiveSet, out: &mut Response) {
         *out = Response { active_set, ..Response::open() };
         match (self, active_set) {
-            (Cost::Unilateral { .. } | Cost::Elliptic { .. }, ActiveSet::Open) => {}
-            (Cost::Pyramidal { .. }, ActiveSet::Open) => {}
+            (Cost::Unilateral { .. } | Cost::Elliptic { .. } | Cost::Pyramidal { .. }, ActiveSet::Open) => {}
             (Cost::Unilateral { stiffness }, ActiveSet::Stick) => {
                 out.force[0] = -stiffness * jar[0];
                 out.hessian[0] = *stiffness;

@@ -148,13 +148,13 @@ impl Grasp {
             Rows::Made { welds, alone } => {
                 self.coupled.read(sim, welds, *alone)?;
                 for other in others.iter().filter(|g| g.awaits_solve()) {
-                    self.coupled.invite(&dynamics, &other.topology, &options, other.set.contacts());
+                    self.coupled.invite(&dynamics, &options, other.set.contacts());
                 }
                 self.solver.solve(&dynamics, &self.topology, &options, contacts, &mut self.coupled)
             }
             Rows::Frozen => {
                 self.coupled.resume(sim, &dynamics, &options);
-                self.solver.resume(&dynamics, &self.topology, &options, contacts, &mut self.coupled)
+                self.solver.resume(&dynamics, &options, contacts, &mut self.coupled)
             }
         };
         self.check_forces(sim)?;

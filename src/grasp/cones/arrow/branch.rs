@@ -232,36 +232,40 @@ impl Branch {
 }
 
 /// `x <- x - R y` row by row, where `y` are the `first` numbers of `vector` and what has been done of the `n` of `x` behind them:
-/// row `j` of `rows` ends before its own number. What has just been stored number by number cannot be loaded at once as a vector,
-/// so each four are kept apart until all of them are done.
+/// row `j` of `rows` ends before its own number.
 #[inline(always)]
 pub(super) fn forward(rows: &[f64], stride: usize, first: usize, n: usize, vector: &mut [f64]) {
-    let row = |j: usize| &rows[j * stride..(j + 1) * stride];
-    let mut j = 0;
-    while j + LANES <= n {
-        let done = first + j;
-        let mut x = [0.0; LANES];
-        x.copy_from_slice(&vector[done..done + LANES]);
-        let four = [row(j), row(j + 1), row(j + 2), row(j + 3)];
-        let moved = dots_lanes(four.map(|row| &row[..done]), &vector[..done]);
-        for k in 0..LANES {
-            let mut sum = moved[k];
-            for i in 0..k {
-                sum += four[k][done + i] * x[i];
-            }
-            x[k] -= sum;
+    for j in (0..n).step_by(LANES) {
+        let (rows, done) = (&rows[j * stride..], first + j);
+        match n - j {
+            1 => forward_some::<1>(rows, stride, done, vector),
+            2 => forward_some::<2>(rows, stride, done, vector),
+            3 => forward_some::<3>(rows, stride, done, vector),
+            _ => forward_some::<LANES>(rows, stride, done, vector),
         }
-        vector[done..done + LANES].copy_from_slice(&x);
-        j += LANES;
     }
-    let done = first + j;
-    for k in 0..n - j {
-        let mut sum = dot_lanes(&row(j + k)[..done], &vector[..done]);
+}
+
+/// [`forward`] of `D` rows. What has just been stored number by number cannot be loaded at once as a vector, so they are kept
+/// apart until all of them are done.
+#[inline(always)]
+fn forward_some<const D: usize>(rows: &[f64], stride: usize, done: usize, vector: &mut [f64]) {
+    let mut row: [&[f64]; D] = [&[]; D];
+    for k in 0..D {
+        row[k] = &rows[k * stride..(k + 1) * stride];
+    }
+    let (y, rest) = vector.split_at_mut(done);
+    let moved = dots_lanes(row.map(|row| &row[..done]), y);
+    let mut x = [0.0; D];
+    x.copy_from_slice(&rest[..D]);
+    for k in 0..D {
+        let mut sum = moved[k];
         for i in 0..k {
-            sum += row(j + k)[done + i] * vector[done + i];
+            sum += row[k][done + i] * x[i];
         }
-        vector[done + k] -= sum;
+        x[k] -= sum;
     }
+    rest[..D].copy_from_slice(&x);
 }
 
 /// How much of row `i` of a lower triangle there is, in whole vectors.

@@ -8,27 +8,20 @@ use super::{CoupledConstraint, CoupledConstraints, Jacobian, Owner};
 use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::contacts::{GraspContact, Turning};
 use crate::grasp::contact::cost::{ActiveSet, MAX_ROWS};
-use crate::grasp::contact::softness::{SolverOptions, softness};
-use crate::grasp::hand::topology::Topology;
+use crate::grasp::contact::softness::{Softness, SolverOptions, softness};
+use nalgebra::Vector3;
 
 impl CoupledConstraints {
-    /// Adds the contacts of another grasp, whose hand and target are in `topology`. After [`read`](Self::read).
-    pub fn invite(
-        &mut self,
-        dynamics: &Dynamics<'_>,
-        topology: &Topology,
-        options: &SolverOptions,
-        contacts: &[GraspContact],
-    ) {
+    /// Adds the contacts of another grasp. After [`read`](Self::read).
+    pub fn invite(&mut self, dynamics: &Dynamics<'_>, options: &SolverOptions, contacts: &[GraspContact]) {
         for contact in contacts {
             let rows = contact.parameters.condim;
             let (first, start, entries) = (self.bias.len(), self.support.len(), self.entries.len());
-            let leaves = [contact.link, contact.target].map(|body| topology.leaf(body));
-            self.support.extend(dynamics.chains(leaves));
+            self.support.extend(dynamics.chains(contact.leaves));
             let jacobian = Jacobian::Rows { support: (start, self.support.len()), entries };
             let soft = softness(&contact.parameters, options);
-            self.add_rows(dynamics, leaves, contact, soft.damping, start);
-            self.bias[first] += soft.spring;
+            self.add_rows(dynamics, contact, start);
+            contact.subtract_reference(&soft, &contact.velocity(dynamics), &mut self.bias[first..]);
             let (main, active_sets) = contact
                 .warm_start()
                 .map_or(([0.0; MAX_ROWS], [ActiveSet::Stick; 2]), |memory| (memory.main, memory.active_sets));
@@ -72,38 +65,27 @@ impl CoupledConstraints {
     }
 
     /// Rows of a contact's Jacobian, target minus link, over the support that begins at `support`; with its smooth acceleration
-    /// and `damping` times its velocity as bias. `leaves`: the last degrees of freedom of link and target.
-    fn add_rows(
-        &mut self,
-        dynamics: &Dynamics<'_>,
-        leaves: [Option<usize>; 2],
-        contact: &GraspContact,
-        damping: f64,
-        support: usize,
-    ) {
+    /// as bias.
+    fn add_rows(&mut self, dynamics: &Dynamics<'_>, contact: &GraspContact, support: usize) {
         let CoupledConstraints { support: all, entries, bias, .. } = self;
         let support = &all[support..];
         let (rows, n, at) = (contact.parameters.condim, support.len(), entries.len());
         let wrenches = contact.unit_wrenches(dynamics);
-        let velocities = [contact.link, contact.target].map(|body| dynamics.velocity(body));
-        let mut reference = [0.0; MAX_ROWS];
-        for (out, on_bodies) in reference.iter_mut().zip(&wrenches[..rows]) {
-            *out = damping * (on_bodies[0].dot(&velocities[0]) + on_bodies[1].dot(&velocities[1]));
-        }
+        let mut smooth = [0.0; MAX_ROWS];
         entries.resize(at + rows * n, 0.0);
-        let mut before = leaves;
+        let mut before = contact.leaves;
         for (s, &dof) in support.iter().enumerate() {
             let axis = dynamics.axis(dof);
             for (body, before) in before.iter_mut().enumerate().filter(|(_, before)| **before == Some(dof)) {
                 for (row, on_bodies) in wrenches[..rows].iter().enumerate() {
                     let entry = axis.dot(&on_bodies[body]);
                     entries[at + row * n + s] += entry;
-                    reference[row] += entry * dynamics.acceleration[dof];
+                    smooth[row] += entry * dynamics.acceleration[dof];
                 }
                 *before = dynamics.parent(dof);
             }
         }
-        bias.extend_from_slice(&reference[..rows]);
+        bias.extend_from_slice(&smooth[..rows]);
     }
 }
 
@@ -116,11 +98,14 @@ impl GraspContact {
         options: &SolverOptions,
         bias: &mut [f64],
     ) {
-        let velocities = self.resume(dynamics, turning, options.timestep);
-        let soft = softness(&self.parameters, options);
+        let velocity = self.resume(dynamics, turning, options.timestep);
+        self.subtract_reference(&softness(&self.parameters, options), &velocity, bias);
+    }
+
+    /// From the smooth acceleration of each of the contact's rows to its bias, `- aref`.
+    fn subtract_reference(&self, soft: &Softness, velocity: &[Vector3<f64>; 2], bias: &mut [f64]) {
         for (i, bias) in bias.iter_mut().enumerate() {
-            let velocity = self.axes[i % 3].dot(&velocities[usize::from(i < 3)]);
-            *bias += soft.damping * velocity;
+            *bias += soft.damping * self.along_row(i, velocity);
         }
         bias[0] += soft.spring;
     }

@@ -56,11 +56,9 @@ impl JointGroups {
         let own = &mut own_rows[at..];
         let of_finger = |dof: usize| node_of_dof[dof] < self.fingers;
         support.clear();
-        let mut supports = 0;
         // fingers' entries stay what they are, and what is before them is whitened without them
         for (lane, &(i, row)) in rows.iter().enumerate() {
             let constraint = &coupled.list()[i];
-            let before = support.len();
             if let Jacobian::Single(dof, value) = constraint.jacobian {
                 own[dof][lane] = value;
                 support.extend(dynamics.with_ancestors(dof));
@@ -73,9 +71,8 @@ impl JointGroups {
                     support.extend(of_row);
                 }
             }
-            supports += usize::from(support.len() > before);
         }
-        if supports > 1 {
+        if !support.is_sorted_by(|a, b| a > b) {
             support.sort_unstable_by(|a, b| b.cmp(a));
             support.dedup();
         }

@@ -6,7 +6,6 @@ use crate::grasp::cones::dynamics::Dynamics;
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::contact::cost::{ActiveSet, Cost, MAX_ROWS};
 use crate::grasp::contact::softness::{SolverOptions, softness};
-use crate::grasp::hand::topology::Topology;
 
 impl GraspSolver {
     /// As [`solve`](Self::solve), of the contacts and coupled of the last step, which have moved on. Inertia, rows and softness
@@ -14,7 +13,6 @@ impl GraspSolver {
     pub fn resume(
         &mut self,
         dynamics: &Dynamics<'_>,
-        topology: &Topology,
         options: &SolverOptions,
         contacts: &mut [GraspContact],
         coupled: &mut CoupledConstraints,
@@ -26,7 +24,7 @@ impl GraspSolver {
         self.turning.forget();
         for block in 0..self.order.len() {
             match self.order[block] {
-                Member::Contact(i) => self.resume_contact(dynamics, topology, options, block, &mut contacts[i]),
+                Member::Contact(i) => self.resume_contact(dynamics, options, block, &mut contacts[i]),
                 Member::Coupled(i) => {
                     let constraint = &coupled.list()[i];
                     let rows = constraint.first..constraint.first + constraint.rows;
@@ -52,14 +50,13 @@ impl GraspSolver {
     fn resume_contact(
         &mut self,
         dynamics: &Dynamics<'_>,
-        topology: &Topology,
         options: &SolverOptions,
         block: usize,
         contact: &mut GraspContact,
     ) {
         let velocity = contact.resume(dynamics, &mut self.turning, options.timestep);
         let soft = softness(&contact.parameters, options);
-        let bias = self.contact_bias(dynamics, topology, contact, &soft, &velocity);
+        let bias = self.contact_bias(dynamics, contact, &soft, &velocity);
         let rows = contact.parameters.condim;
         self.arrow.bias_mut(block).copy_from_slice(&bias[..rows]);
         self.recost_contact(block, contact);

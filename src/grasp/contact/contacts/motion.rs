@@ -62,9 +62,14 @@ impl GraspContact {
         [turn + self.drift[0], move_ + self.drift[1]]
     }
 
+    /// What of a rotation and translation of the target relative to the link is along row `i`.
+    pub(in crate::grasp) fn along_row(&self, i: usize, motion: &[Vector3<f64>; 2]) -> f64 {
+        self.axes[i % 3].dot(&motion[usize::from(i < 3)])
+    }
+
     /// What drift adds to the velocity along row `i`.
     pub(in crate::grasp) fn drift_along(&self, i: usize) -> f64 {
-        self.axes[i % 3].dot(&self.drift[usize::from(i < 3)])
+        self.along_row(i, &self.drift)
     }
 
     /// One step on frozen geometry later, after the velocities: the surfaces have moved, the relative velocity has changed with
