@@ -1,8 +1,9 @@
 //! What the tests of the package compare with: the Rust library alone, stepped with inputs from a file.
 //!
-//! `reference MODEL KEYFRAME TARGET PALM N INPUTS OUTPUT`: for each call of `N` steps the inputs hold the controls, a wrench on
-//! the target, and 1 while the target's free joint is held at its start; the output has positions, velocities, quality, phase
-//! and time after it. All are `f64` in the machine's order. It prints the median time of a call in the second half \[us\].
+//! `reference MODEL KEYFRAME TARGET PALM N INPUTS OUTPUT`, an empty KEYFRAME being the model's own start: for each call of `N`
+//! steps the inputs hold the controls, a wrench on the target, and 1 while the target's free joint is held at its start; the
+//! output has positions, velocities, quality, phase and time after it. All are `f64` in the machine's order. It prints the
+//! median time of a call in the second half \[us\].
 
 use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase};
 use mujoco_grasp::mujoco::{Model, Simulation};
@@ -23,7 +24,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let joint = model.free_joint_of(target).ok_or("the target has no free joint")?.index();
     let (q, v) = (model.jnt_qposadr()[joint] as usize, model.jnt_dofadr()[joint] as usize);
     let mut grasps = Grasps::of(&sim, &GraspSpec::new(target, palm))?;
-    sim.reset_to_keyframe(model.keyframe(keyframe)?)?;
+    if !keyframe.is_empty() {
+        sim.reset_to_keyframe(model.keyframe(keyframe)?)?;
+    }
     let start = sim.qpos()[q..q + 7].to_vec();
     let (mut results, mut times) = (Vec::new(), Vec::new());
     for call in inputs.chunks_exact(model.nu() + 7) {

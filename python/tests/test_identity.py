@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from conftest import Clutch, latched, reference
+from conftest import Clutch, ShadowBlock, latched, reference
 
 import mujoco_grasp as mg
 
@@ -11,18 +11,19 @@ STEPS = 5000
 
 
 @pytest.mark.parametrize("n", [1, 10])
-def test_5000_steps_of_the_clutch_scene_are_those_of_rust(n, tmp_path):
-    clutch = Clutch()
-    inputs = clutch.inputs(STEPS, n)
-    expected = reference(inputs, n, tmp_path)
+@pytest.mark.parametrize("make", [Clutch, ShadowBlock])
+def test_5000_steps_are_those_of_rust(make, n, tmp_path):
+    scene = make()
+    inputs = scene.inputs(STEPS, n)
+    expected = reference(scene, inputs, n, tmp_path)
     latched = 0
     for call, row in enumerate(inputs):
-        clutch.apply(row)
-        clutch.grasps.step(n)
-        latched += clutch.grasps[0].is_grasped
-        assert np.array_equal(clutch.outputs(), expected[call]), f"call {call}"
+        scene.apply(row)
+        scene.grasps.step(n)
+        latched += scene.grasps[0].is_grasped
+        assert np.array_equal(scene.outputs(), expected[call]), f"call {call}"
     assert latched * n > 3000, "the grasp is to be latched for most of it"
-    assert (clutch.grasps.frozen_steps > 1500) == (n == 10)
+    assert (scene.grasps.frozen_steps > 1500) == (n == 10)
 
 
 def test_until_the_first_latch_data_is_that_of_mj_step():
