@@ -119,9 +119,11 @@ class RunReport:
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Medians of one way of stepping."""
+    """Medians of one way of stepping, and a mean."""
 
     step_us: float | None
+    step_mean_us: float | None
+    """Over the calls of a turn, each the median of its times in all turns: what steps that are not alike cost together."""
     contact_us: float | None
     """All that is spent because of contacts or the grasp; None where it cannot be told apart."""
     added_us: float | None
@@ -136,13 +138,15 @@ class Timing:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Ratios of medians; None where one does not exist."""
+    """Ratios of medians, or of means where they say so; None where one does not exist."""
 
     contact: float | None
     contact_noslip: float | None
     step: float | None
     step_noslip: float | None
     step_default: float | None
+    mean_noslip: float | None
+    mean_default: float | None
     added: float | None
     added_noslip: float | None
     step_over_floor: float | None

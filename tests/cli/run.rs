@@ -295,6 +295,9 @@ fn bench_times_all_variants() {
         close("step_over_floor", time("grasp", "step_us") / time("floor", "step_us"));
         let cheapest = time("full", "step_us").min(time("full_default", "step_us"));
         close("step_default", cheapest / time("grasp", "step_us"));
+        let mean = |variant: &str| time(variant, "step_mean_us");
+        close("mean_default", mean("full").min(mean("full_default")) / mean("grasp"));
+        close("mean_noslip", mean("full_noslip") / mean("grasp"));
         for variant in ["full", "full_noslip", "full_default", "grasp", "exact", "floor"] {
             let added = time(variant, "step_us") - time("floor", "step_us");
             assert!((time(variant, "added_us") - added).abs() < 1e-9, "{phase} {variant}");

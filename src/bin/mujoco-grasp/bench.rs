@@ -67,13 +67,14 @@ fn phases(title: &str, phases: &Phases) -> String {
             (Some(solver), _) => solver.clone(),
             (None, _) => String::new(),
         };
-        vec![name.to_owned(), number(t.step_us, 1.0, 2), number(t.contact_us, 1.0, 2), solver]
+        let numbers = [t.step_us, t.step_mean_us, t.contact_us].map(|us| number(us, 1.0, 2));
+        [vec![name.to_owned()], numbers.to_vec(), vec![solver]].concat()
     };
-    let ratio = |name: &str, step: Option<f64>, contact: Option<f64>| {
-        vec![name.to_owned(), number(step, 1.0, 2), number(contact, 1.0, 2), String::new()]
+    let ratio = |name: &str, of: [Option<f64>; 3]| {
+        [vec![name.to_owned()], of.map(|ratio| number(ratio, 1.0, 2)).to_vec(), vec![String::new()]].concat()
     };
     let r = &phases.ratio;
-    let head = ["", "step us", "contact us", "solver"].map(str::to_owned).to_vec();
+    let head = ["", "step us", "mean us", "contact us", "solver"].map(str::to_owned).to_vec();
     let rows = [
         head,
         row("full", &phases.full),
@@ -82,10 +83,10 @@ fn phases(title: &str, phases: &Phases) -> String {
         row("grasp", &phases.grasp),
         row("grasp, every step whole", &phases.exact),
         row("floor", &phases.floor),
-        ratio("cheaper full / grasp", r.step_default, None),
-        ratio("full / grasp", r.step, r.contact),
-        ratio("full noslip / grasp", r.step_noslip, r.contact_noslip),
-        ratio("grasp / floor", r.step_over_floor, None),
+        ratio("cheaper full / grasp", [r.step_default, r.mean_default, None]),
+        ratio("full / grasp", [r.step, None, r.contact]),
+        ratio("full noslip / grasp", [r.step_noslip, r.mean_noslip, r.contact_noslip]),
+        ratio("grasp / floor", [r.step_over_floor, None, None]),
     ];
-    format!("\n{title}, medians of {} steps each\n{}", phases.steps, table(&rows))
+    format!("\n{title}, medians and means of {} steps each\n{}", phases.steps, table(&rows))
 }

@@ -45,11 +45,14 @@ pub struct Phases {
     pub ratio: Ratio,
 }
 
-/// Medians over all calls of a variant.
+/// Medians over all calls of a variant, and a mean.
 #[derive(Clone, Debug, Serialize)]
 pub struct Timing {
     /// Whole step \[us\].
     pub step_us: Option<f64>,
+    /// Mean over the calls of a turn, each the median of its times in all turns \[us\]: what steps that are not alike come to
+    /// together, where the median of all calls is that of one kind or the other.
+    pub step_mean_us: Option<f64>,
     /// Collision, making, projecting and solving constraints, and all work of the grasp \[us\]; `None` in the engine's
     /// own solves where the model has islands or sleeping (MuJoCo 3), with which a step is not made in stages, and on frozen
     /// geometry, where stages are left out.
@@ -74,7 +77,7 @@ pub struct Timing {
     pub whole_steps: BTreeMap<&'static str, u64>,
 }
 
-/// Ratios of medians.
+/// Ratios of medians, or of means where it says so.
 #[derive(Debug, Serialize)]
 pub struct Ratio {
     /// full over grasp, contact part.
@@ -87,6 +90,10 @@ pub struct Ratio {
     pub step_noslip: Option<f64>,
     /// The cheaper of full and full_default over grasp, whole step.
     pub step_default: Option<f64>,
+    /// As `step_noslip`, of means.
+    pub mean_noslip: Option<f64>,
+    /// As `step_default`, of means.
+    pub mean_default: Option<f64>,
     /// full over grasp, of what they cost more than the floor; `None` where grasp adds nothing.
     pub added: Option<f64>,
     /// The same of full_noslip.
