@@ -200,6 +200,12 @@ impl Grasp {
         self.coupled.forget();
     }
 
+    /// A step was begun and not made.
+    pub(super) fn unmake(&mut self) {
+        self.forget();
+        self.set.unread();
+    }
+
     /// Live contacts of the last step between hand and target.
     pub fn contacts(&self) -> &[GraspContact] {
         self.set.contacts()
@@ -253,6 +259,7 @@ impl Grasp {
     fn read_engine_contacts(&mut self, sim: &Simulation) -> Result<(), Error> {
         self.set.read(sim.contacts(), sim, &self.topology)?;
         self.set.read_forces(sim)?;
+        self.check_forces(sim).inspect_err(|_| self.set.unread())?;
         self.measure(sim);
         Ok(())
     }

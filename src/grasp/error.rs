@@ -155,9 +155,21 @@ pub enum Error {
         /// Labels of the two geoms.
         geoms: [String; 2],
     },
+    /// Something besides the contacts accelerates without bounds.
+    #[error(
+        "{joint} would not have a finite acceleration at t = {time:.4} s even without contacts: {cause}; the step was not made"
+    )]
+    BadAcceleration {
+        /// Simulated time \[s\].
+        time: f64,
+        /// Label of the first joint.
+        joint: String,
+        /// The bad number, if it is in what a user sets between steps.
+        cause: String,
+    },
     /// The grasp solve met numbers that are not finite.
     #[error(
-        "the grasp solve diverged at t = {time:.4} s: {what} is not finite; a smaller time step or softer contacts may help"
+        "the grasp solve diverged at t = {time:.4} s: {what} is not finite; the step was not made: look for a load that is too large; a smaller time step or softer contacts may help"
     )]
     Diverged {
         /// Simulated time \[s\].

@@ -119,7 +119,7 @@ impl Grasps {
             }
             Err(_) => self.frozen.forget(),
         }
-        made
+        self.recover(made)
     }
 
     /// `n` steps with the same controls: all of `sim` is as after the last one.

@@ -8,7 +8,7 @@ use super::controller::{Grasp, Rows};
 use super::error::Error;
 use super::grasps::Grasps;
 use super::monitor::phase::Phase;
-use crate::mujoco::{EngineStages, Hooks, Simulation};
+use crate::mujoco::{EngineStages, Hooks, JointId, Simulation};
 use std::time::{Duration, Instant};
 
 impl Grasps {
@@ -26,7 +26,8 @@ impl Grasps {
         self.check_model(sim)?;
         self.adapt_settings(sim)?;
         self.frozen.begin(sim);
-        sim.step_with(self)?;
+        let made = sim.step_with(self);
+        self.recover(made)?;
         self.frozen.refresh(sim);
         self.list.iter_mut().for_each(|grasp| grasp.remember(sim.stamp()));
         Ok(())
@@ -43,7 +44,18 @@ impl Grasps {
         clock.time(|| self.adapt_settings(sim))?;
         self.frozen.forget();
         self.frozen.begin(sim);
-        sim.step_with(&mut Timed { hooks: self, clock })
+        let made = sim.step_with(&mut Timed { hooks: self, clock });
+        self.recover(made)
+    }
+
+    /// Where the grasps have not let a step be made, the next one has nothing of it to go on from: numbers that are not finite
+    /// would stay for good.
+    pub(super) fn recover(&mut self, made: Result<(), Error>) -> Result<(), Error> {
+        if !matches!(made, Ok(()) | Err(Error::Engine(_))) {
+            self.list.iter_mut().for_each(Grasp::unmake);
+            self.frozen.forget();
+        }
+        made
     }
 }
 
@@ -93,6 +105,7 @@ impl Hooks for Grasps {
         if self.latched().next().is_none() {
             return Ok(sim.constraint()?);
         }
+        check_acceleration(sim)?;
         self.force.clear(sim.model().nv());
         let merged = self.list.iter().any(Grasp::is_merged);
         if merged {
@@ -219,6 +232,26 @@ impl Grasps {
         }
         Ok(rows)
     }
+}
+
+/// That everything would accelerate by finite numbers without constraints.
+fn check_acceleration(sim: &Simulation) -> Result<(), Error> {
+    let Some(dof) = sim.qacc_smooth().iter().position(|a| !a.is_finite()) else { return Ok(()) };
+    let model = sim.model();
+    let gravity = model.gravity();
+    let inputs = [
+        ("xfrc_applied", sim.xfrc_applied()),
+        ("qfrc_applied", sim.qfrc_applied()),
+        ("act", sim.act()),
+        ("gravity", gravity.as_slice()),
+    ];
+    let bad = |(name, values): (&str, &[f64])| {
+        let i = values.iter().position(|x| !x.is_finite())?;
+        Some(format!("{name}[{i}] is {}", values[i]))
+    };
+    let cause = inputs.into_iter().find_map(bad).unwrap_or_else(|| "look for a number in the model that is not".into());
+    let joint = model.label(JointId::from_index(model.dof_jntid()[dof] as usize));
+    Err(Error::BadAcceleration { time: sim.time(), joint, cause })
 }
 
 /// A stopwatch over the parts of a step that exist because of contacts or grasps.

@@ -133,25 +133,34 @@ impl Borrowed {
         }
         match callback() {
             Some(name) => Err(Error::Unsupported(format!(
-                "{name} is set, which the steps of a grasp would leave out: unset it, and do before each step what it does"
+                "{name} is set, which cannot be called in the steps of a grasp: unset it, and do before each step what it does \
+                 (qfrc_applied and xfrc_applied take forces)"
             ))),
             None => Ok(()),
         }
     }
 }
 
-/// A callback of the process that is not called where it would be in `mj_step`.
+/// A callback of the process that is not called where it would be in `mj_step`, or would be with a model that its owner does not
+/// know: the steps' options are those of a copy.
 fn callback() -> Option<&'static str> {
-    unsafe extern "C" {
-        static mjcb_control: *const c_void;
-        static mjcb_contactfilter: *const c_void;
+    macro_rules! callbacks {
+        ($($name:ident),*) => {{
+            unsafe extern "C" { $(static $name: *const c_void;)* }
+            // SAFETY: pointers that the library defines. Whoever sets one while a step runs cannot say whether it is called in it.
+            [$((unsafe { (&raw const $name).read_volatile() }, stringify!($name))),*]
+        }};
     }
-    // SAFETY: pointers that the library defines. Whoever sets one while a step runs cannot say whether it is called in it.
-    let set = unsafe { [(&raw const mjcb_control).read_volatile(), (&raw const mjcb_contactfilter).read_volatile()] };
-    set.into_iter().zip(["mjcb_control", "mjcb_contactfilter"]).find_map(|(callback, name)| {
-        let is_set = !callback.is_null();
-        is_set.then_some(name)
-    })
+    let all = callbacks![
+        mjcb_control,
+        mjcb_contactfilter,
+        mjcb_passive,
+        mjcb_sensor,
+        mjcb_act_dyn,
+        mjcb_act_gain,
+        mjcb_act_bias
+    ];
+    all.into_iter().find_map(|(callback, name)| (!callback.is_null()).then_some(name))
 }
 
 /// The owner's counters while they are replaced; they are back when it is dropped.

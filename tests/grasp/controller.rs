@@ -206,3 +206,48 @@ fn a_hand_that_touches_nothing_never_latches() {
     }
     assert_eq!(grasps[GraspId::FIRST].quality(), 0.0);
 }
+
+/// It stayed in the warm start, and every step after was refused.
+#[test]
+fn a_bad_number_is_refused_by_its_name_and_the_grasp_goes_on_once_it_is_put_right() {
+    let load = |claw: &mut Claw, x: f64| {
+        let target = claw.grasp().target().index();
+        claw.sim.xfrc_applied_mut()[6 * target + 1] = x;
+        6 * target + 1
+    };
+    for (bad, substep) in [(f64::NAN, false), (f64::NAN, true), (1e300, false), (1e300, true)] {
+        let mut claw = Claw::closed("claw.xml");
+        claw.run(1.0);
+        // the second begins on frozen geometry
+        claw.grasps.substep(&mut claw.sim).expect("a step");
+        let (start, time) = (claw.offset(), claw.sim.time());
+        let entry = load(&mut claw, bad);
+        let step = if substep { Grasps::substep } else { Grasps::step };
+        for _ in 0..3 {
+            let error = step(&mut claw.grasps, &mut claw.sim).expect_err("a bad number").to_string();
+            let wanted = if bad.is_nan() { format!("xfrc_applied[{entry}] is NaN") } else { "a load".to_owned() };
+            assert!(error.contains(&wanted), "{error}");
+            assert_eq!(claw.sim.time(), time);
+        }
+        load(&mut claw, 0.0);
+        claw.run(0.5);
+        assert_eq!(claw.grasp().phase(), Phase::Grasped);
+        assert!((claw.offset() - start).norm() < 1e-5, "{bad}: moved {}", claw.offset() - start);
+    }
+}
+
+/// Forces that are no numbers were remembered, and every step after was refused.
+#[test]
+fn monitoring_forces_that_are_no_numbers_is_an_error_and_leaves_nothing() {
+    let mut claw = Claw::closed("claw.xml");
+    claw.run_in_full_mode(0.5);
+    let saved = claw.sim.save();
+    let target = claw.grasp().target().index();
+    claw.sim.xfrc_applied_mut()[6 * target] = f64::NAN;
+    claw.sim.forward().expect("the engine does not look");
+    assert!(matches!(claw.grasps.monitor(&claw.sim), Err(Error::Diverged { .. })));
+    claw.sim.restore(&saved).expect("a state");
+    claw.grasps[GraspId::FIRST].allow_latch(true);
+    claw.run(0.5);
+    assert_eq!(claw.grasp().phase(), Phase::Grasped);
+}

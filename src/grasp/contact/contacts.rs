@@ -312,6 +312,13 @@ impl ContactSet {
         self.kept = 0;
     }
 
+    /// Takes back the last reading: the next step remembers what this one did.
+    pub(in crate::grasp) fn unread(&mut self) {
+        self.now.clear();
+        self.restored = true;
+        self.kept = 0;
+    }
+
     /// Number of readings since a contact came, went or jumped.
     pub(in crate::grasp) fn kept(&self) -> usize {
         self.kept

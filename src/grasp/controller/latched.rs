@@ -218,7 +218,7 @@ impl Grasp {
         self.keep_or_release(sim.model().timestep());
     }
 
-    fn check_forces(&self, sim: &Simulation) -> Result<(), Error> {
+    pub(super) fn check_forces(&self, sim: &Simulation) -> Result<(), Error> {
         let finite = |c: &GraspContact| c.force.iter().chain(c.torque.iter()).all(|x| x.is_finite());
         match self.set.contacts().iter().chain(self.coupled.foreign()).all(finite) {
             true => Ok(()),
