@@ -83,7 +83,7 @@ impl Arrow {
         }
     }
 
-    /// The mobility of one row of each block and of each single.
+    /// The largest mobility of the first two friction rows of each block, or of its only row, and that of each single.
     #[inline(always)]
     fn mobilities(&mut self) {
         let Arrow { branches, blocks, singles, matrix, inertia_factor, inertia_pivots, row, .. } = self;
@@ -91,8 +91,11 @@ impl Arrow {
             unrolled!(branch => {
                 let row = &mut row[..branch.stride];
                 for b in &mut blocks[branch.blocks.0..branch.blocks.1] {
-                    row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + b.rows.min(2) - 1));
-                    b.mobility = branch.mobility(inertia_factor, inertia_pivots, row);
+                    b.mobility = 0.0;
+                    for i in b.rows.min(2) - 1..b.rows.min(3) {
+                        row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + i));
+                        b.mobility = branch.mobility(inertia_factor, inertia_pivots, row).max(b.mobility);
+                    }
                 }
                 for s in &mut singles[branch.singles.0..branch.singles.1] {
                     row.fill(0.0);
