@@ -16,28 +16,50 @@ World frame, SI units, angles in radians. A contact's normal points into the tar
 from . import errors
 from ._load import load as _load
 from ._load import served as served_versions
+from .errors import (
+    BadControlError,
+    BufferFullError,
+    BusyError,
+    DivergedError,
+    EngineError,
+    EngineWarning,
+    Error,
+    ModelError,
+    ResetError,
+    ScenarioError,
+    SpecError,
+    StateError,
+    UnknownNameError,
+    VersionError,
+)
 
-_core = _load()
-Batch = _core.Batch
-Contact = _core.Contact
-Grasp = _core.Grasp
-Grasps = _core.Grasps
-QualityReport = _core.QualityReport
-State = _core.State
-mujoco_version = _core.mujoco_version
-weld_xml = _core.weld_xml
+_load()  # puts the core where the imports find it
 
-from .errors import *  # noqa: E402, F403
+from ._core import Batch, Contact, Grasp, Grasps, QualityReport, State, mujoco_version, weld_xml  # noqa: E402
 from .scenario import agree, bench, run, scenarios  # noqa: E402
 from .sweeps import sweep  # noqa: E402
 
 __all__ = [
+    "BadControlError",
     "Batch",
+    "BufferFullError",
+    "BusyError",
     "Contact",
+    "DivergedError",
+    "EngineError",
+    "EngineWarning",
+    "Error",
     "Grasp",
     "Grasps",
+    "ModelError",
     "QualityReport",
+    "ResetError",
+    "ScenarioError",
+    "SpecError",
     "State",
+    "StateError",
+    "UnknownNameError",
+    "VersionError",
     "agree",
     "bench",
     "errors",
@@ -47,5 +69,4 @@ __all__ = [
     "served_versions",
     "sweep",
     "weld_xml",
-    *errors.__all__,
 ]

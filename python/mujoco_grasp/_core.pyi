@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from typing import Literal, Self, TypedDict, Unpack, final
+from typing import ClassVar, Literal, Self, TypedDict, Unpack, final
 
 import mujoco
 import numpy as np
@@ -15,29 +15,29 @@ _Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 _Vector = npt.NDArray[np.float64]
 
 class _GraspOptions(TypedDict, total=False):
-    """Options of a grasp; one that is left out has its default."""
+    """Options of a grasp; one that is left out, or None, has its default."""
 
-    effectors: Sequence[_Body]
+    effectors: Sequence[_Body] | None
     """Links that may hold the target; none, the default: every link below the palm."""
     latch_quality: float | None
-    """Quality at which the grasp latches, N. None, the default: a tenth of the target's weight."""
+    """Quality at which the grasp latches, N. The default: a tenth of the target's weight."""
     release_quality: float | None
     """What a latched grasp must keep not to be given up, N: with "cones" the sum of the normal forces, else the quality.
-    None, the default: a quarter of `latch_quality`."""
-    latch_time: float
+    The default: a quarter of `latch_quality`."""
+    latch_time: float | None
     """Simulated time of good quality before it latches, s; 0.05."""
-    release_time: float
+    release_time: float | None
     """Simulated time without hold before it is given up, s; 0.05."""
-    limits: _Limits
+    limits: _Limits | None
     """What stands for the contacts: their friction cones ("cones", the default), or for comparison one bound for each axis of
     a weld ("box"), or a plain weld ("rigid"). The latter need a weld in the model, see `weld_xml`."""
-    relaxed: Sequence[_Axis]
+    relaxed: Sequence[_Axis] | None
     """Axes that may slip, "box" only; all six."""
-    axes: Sequence[float]
+    axes: Sequence[float] | None
     """Orientation of those axes in the target's frame, a quaternion w, x, y, z, "box" only; that frame itself."""
     solref: Sequence[float] | None
     """Of the weld's axes that may not slip, "box" and "rigid": `[time constant (s), damping ratio]` or
-    `[-stiffness, -damping]`. None, the default: from the contacts."""
+    `[-stiffness, -damping]`. The default: from the contacts."""
     solimp: Sequence[float] | None
     """Likewise."""
     relaxed_solref: Sequence[float] | None
@@ -99,6 +99,8 @@ class Grasps:
         While nothing is latched this is `mj_step` bit for bit. While a grasp is latched, all steps but the last may be made
         on frozen geometry, which is several times quicker; after the last all of the data is computed.
 
+        Ctrl-C ends it after a whole step.
+
         Raises:
             DivergedError, BufferFullError, BadControlError: The step was made as `mj_step` makes it; those left of `n` were
                 not.
@@ -149,9 +151,11 @@ class Grasps:
     def whole_steps(self) -> dict[str, int]:
         """Why others were not, and how many: "merged", "changed", "refresh", "contacts", "turned", "slid", "near"."""
     @property
-    def model(self) -> mujoco.MjModel: ...
+    def model(self) -> mujoco.MjModel:
+        """As it was given."""
     @property
-    def data(self) -> mujoco.MjData: ...
+    def data(self) -> mujoco.MjData:
+        """As it was given."""
     def __len__(self) -> int: ...
     def __getitem__(self, index: int, /) -> Grasp: ...
     def __iter__(self) -> Iterator[Grasp]: ...
@@ -175,13 +179,16 @@ class Batch:
         frozen_tolerance: float = 2e-3,
         **options: Unpack[_GraspOptions],
     ) -> Self:
-        """`nsim` simulations at the model's initial configuration, on `threads` threads (None: as many as there are cores).
+        """`nsim` simulations at the model's initial configuration, on `threads` threads (None: as many as there are cores;
+        more than `nsim` are not used).
 
         Options and errors as for `Grasps`. The model is shared and never written.
         """
 
     def step(self, n: int = 1, *, ctrl: npt.ArrayLike | None = None, xfrc_applied: npt.ArrayLike | None = None) -> None:
         """Advances each simulation by `n` steps, as `Grasps.step`, with the GIL released.
+
+        Ctrl-C ends it, after as many steps of each simulation, of which the last is whole.
 
         Args:
             n: Steps.
@@ -191,11 +198,16 @@ class Batch:
 
         Raises:
             SpecError: Arrays of other shapes.
-            Error: The first error of a simulation, with a note of which; the others have gone on.
+            Error: That of the first simulation that has failed. Its `failed` has the numbers of all that have, and its notes
+                say what the others' errors were; those that have not failed have made all their steps.
         """
 
     def reset(self, keyframe: str | None = None) -> None:
-        """Resets all data to the initial configuration or a keyframe, and all grasps."""
+        """Resets all data to the initial configuration or a keyframe, and all grasps.
+
+        Raises:
+            UnknownNameError: A keyframe that the model does not have; nothing is reset.
+        """
 
     @property
     def qpos(self) -> _Vector:
@@ -209,20 +221,22 @@ class Batch:
     def qvel(self, qvel: npt.ArrayLike) -> None: ...
     @property
     def sensordata(self) -> _Vector:
-        """Shape (nsim, nsensordata), a copy."""
+        """Sensors' values, shape (nsim, nsensordata), a copy."""
     @property
     def time(self) -> _Vector:
-        """s, shape (nsim,)"""
+        """Simulated time, s, shape (nsim,)."""
     @property
     def is_grasped(self) -> npt.NDArray[np.bool_]:
-        """Shape (nsim, number of grasps)."""
+        """Whether each grasp is latched, shape (nsim, number of grasps)."""
     @property
     def quality(self) -> _Vector:
-        """N, shape (nsim, number of grasps)."""
+        """Quality of each grasp, N, shape (nsim, number of grasps)."""
     @property
-    def data(self) -> tuple[mujoco.MjData, ...]: ...
+    def data(self) -> tuple[mujoco.MjData, ...]:
+        """Each simulation's `MjData`."""
     @property
-    def grasps(self) -> tuple[Grasps, ...]: ...
+    def grasps(self) -> tuple[Grasps, ...]:
+        """Each simulation's grasps."""
     def __len__(self) -> int: ...
 
 @final
@@ -230,26 +244,32 @@ class Grasp:
     """One of the `Grasps`; all numbers are those of the last step."""
 
     @property
-    def grasps(self) -> Grasps: ...
+    def grasps(self) -> Grasps:
+        """What it is one of."""
     @property
     def index(self) -> int:
         """Its place in the order in which grasps were added, from 0."""
     @property
-    def target(self) -> str: ...
+    def target(self) -> str:
+        """Name of the body that is grasped."""
     @property
     def target_id(self) -> int:
         """The target's body number."""
     @property
-    def palm(self) -> str: ...
+    def palm(self) -> str:
+        """Name of the body at the base of the fingers."""
     @property
     def effectors(self) -> list[str]:
         """Links that may hold the target."""
     @property
-    def limits(self) -> _Limits: ...
+    def limits(self) -> _Limits:
+        """What stands for its contacts: "cones", "box" or "rigid"."""
     @property
-    def phase(self) -> Literal["ungrasped", "grasped"]: ...
+    def phase(self) -> Literal["ungrasped", "grasped"]:
+        """ "ungrasped", or "grasped" while it is latched."""
     @property
-    def is_grasped(self) -> bool: ...
+    def is_grasped(self) -> bool:
+        """Whether it is latched."""
     @property
     def would_latch(self) -> bool:
         """Grasped, or the quality has been good for long enough."""
@@ -258,10 +278,10 @@ class Grasp:
         """Smallest singular value of the grasp matrix, scaled by the live normal forces, N."""
     @property
     def latch_quality(self) -> float:
-        """N"""
+        """Quality at which it latches, N."""
     @property
     def release_quality(self) -> float:
-        """N"""
+        """What it must keep, once latched, not to be given up, N."""
     @property
     def latched_at(self) -> float | None:
         """Data time at the end of the step in which it last latched, s; None if it never has."""
@@ -289,6 +309,8 @@ class Grasp:
         """Gives the contacts back to MuJoCo."""
     def allow_latch(self, allowed: bool) -> None:
         """Forbids or allows latching; a latched grasp stays so."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
 
 @final
 class Contact:
@@ -334,7 +356,8 @@ class Contact:
     def dist(self) -> float:
         """Distance of the surfaces, negative when they overlap, m."""
     @property
-    def condim(self) -> int: ...
+    def condim(self) -> int:
+        """Dimensions of its friction, as of a geom: 1, 3, 4 or 6."""
     @property
     def friction(self) -> _Vector:
         """Two tangential coefficients, spin (m), two rolling (m), shape (5,)."""
@@ -372,7 +395,10 @@ class State:
     @staticmethod
     def from_json(text: str) -> State:
         """Raises `StateError` for a text that is no state."""
-    def to_json(self) -> str: ...
+    def to_json(self) -> str:
+        """The state as text, for `from_json`."""
+    def __eq__(self, other: object, /) -> bool: ...
+    __hash__: ClassVar[None]  # type: ignore[assignment]
     def __copy__(self) -> State: ...
     def __deepcopy__(self, memo: object, /) -> State: ...
     def __len__(self) -> int: ...

@@ -4,7 +4,6 @@ import importlib.machinery
 import importlib.util
 import pathlib
 import sys
-import types
 
 from .errors import VersionError
 
@@ -29,8 +28,8 @@ def package(version: str) -> str:
     return f"{'mujoco' if int(version.split('.')[0]) < 4 else 'mujoco-core'}=={version}"
 
 
-def load() -> types.ModuleType:
-    """The core for `mujoco.mj_version()`.
+def load() -> None:
+    """Makes the core for `mujoco.mj_version()` the module `mujoco_grasp._core`.
 
     Raises:
         VersionError: MuJoCo is not installed, or its version is not served.
@@ -53,4 +52,3 @@ def load() -> types.ModuleType:
     core = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, loader, origin=loader.path))
     loader.exec_module(core)
     sys.modules[name] = core
-    return core

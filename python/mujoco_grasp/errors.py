@@ -21,6 +21,9 @@ __all__ = [
 class Error(Exception):
     """Any error of this package."""
 
+    failed: tuple[int, ...] = ()
+    """Of a `Batch`: the numbers of all simulations that have failed; the error is that of the first."""
+
 
 class VersionError(Error, ImportError):
     """There is no core for the version of MuJoCo that is installed, or none is installed."""

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy.typing as npt
 
-from . import Grasps
+from . import Grasps, SpecError
 
 
 class GraspMixin:
@@ -20,6 +20,17 @@ class GraspMixin:
     grasp_options: ClassVar[dict[str, Any]] = {}
     """Options of `mujoco_grasp.Grasps`, with the target."""
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        step = "_step_mujoco_simulation"
+        stepper = next(base for base in cls.__mro__ if step in vars(base))
+        if not issubclass(stepper, GraspMixin):
+            others = ", ".join(base.__name__ for base in cls.__bases__ if base is not GraspMixin)
+            raise TypeError(
+                f"{cls.__name__} would step without grasps, as {stepper.__name__} comes before GraspMixin among its bases; "
+                f"right is class {cls.__name__}(GraspMixin, {others})"
+            )
+
     # of the environment
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -30,8 +41,17 @@ class GraspMixin:
     def grasps(self) -> Grasps:
         """The grasps of the environment's present model and data."""
         if self._grasps is None or self._grasps.data is not self.data:
-            self._grasps = Grasps(self.model, self.data, **self.grasp_options)
+            self._grasps = self.make_grasps()
         return self._grasps
+
+    def make_grasps(self) -> Grasps:
+        """Those of `grasp_options`; to be overridden for several."""
+        if self.grasp_options.get("target") is None:
+            raise SpecError(
+                f"grasp_options of {type(self).__name__} is {self.grasp_options!r}; it must be a dictionary with the target, "
+                'as {"target": "ball"}'
+            )
+        return Grasps(self.model, self.data, **self.grasp_options)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Resets the environment, and with it the grasps."""

@@ -5,6 +5,7 @@ import typing
 
 import ray
 
+from .scenario import whole
 from .sweeps import SweepReport
 from .sweeps import sweep as _sweep
 
@@ -31,10 +32,12 @@ def sweep(
         options: Further options of the tasks, as for `ray.remote`.
 
     Raises:
+        ScenarioError: Fewer than one shard.
         ray.exceptions.RayTaskError: What a task raised, as `ScenarioError`.
     """
+    shards = whole("shards", shards, 1, 2**63 - 1)
     environment = {"env_vars": {"RAYON_NUM_THREADS": str(num_cpus)}}
-    task = ray.remote(_sweep).options(num_cpus=num_cpus, runtime_env=environment, **options)
+    task: typing.Any = ray.remote(_sweep).options(num_cpus=num_cpus, runtime_env=environment, **options)
     # a task runs in a folder of its own
     paths = os.path.abspath(spec), os.path.abspath(out)
     reports: list[SweepReport] = ray.get([task.remote(*paths, (shard, shards), mode=mode) for shard in range(shards)])

@@ -6,15 +6,21 @@ exist in a run is None. Everything runs in Rust, on all cores, with the GIL rele
 
 import dataclasses
 import json
+import operator
 import os
 import types
 import typing
 from dataclasses import dataclass
 
 from ._core import agree_json, bench_json, run_json, scenarios_json
+from .errors import ScenarioError
 
 Limits = typing.Literal["cones", "box", "rigid"]
 Report = typing.TypeVar("Report")
+
+# the largest that the core takes
+NOSLIP = 2**16 - 1
+STEPS = 2**32 - 1
 
 
 @dataclass(frozen=True)
@@ -315,6 +321,7 @@ def run(
     Raises:
         ScenarioError: Bad input; the text names file and field.
     """
+    noslip = noslip if noslip is None else whole("noslip", noslip, 0, NOSLIP)
     text = run_json(os.fspath(scenario), mode, push, limits, noslip, frozen_tolerance, duration, out)
     return _report(RunReport, text)
 
@@ -332,6 +339,7 @@ def bench(
     Raises:
         ScenarioError: Bad input; the text names file and field.
     """
+    steps, substeps = whole("steps", steps, 1, STEPS), whole("substeps", substeps, 1, STEPS)
     text = bench_json(os.fspath(scenario), steps, substeps, limits, frozen_tolerance)
     return _report(BenchReport, text)
 
@@ -350,8 +358,21 @@ def agree(
     Raises:
         ScenarioError: Bad input; the text names file and field.
     """
+    noslip = noslip if noslip is None else whole("noslip", noslip, 0, NOSLIP)
+    trials, seed = whole("trials", trials, 1, 1_000_000), whole("seed", seed, 0, 2**64 - 1)
     text = agree_json(os.fspath(scenario), trials, seed, limits, noslip, frozen_tolerance)
     return _report(AgreeReport, text)
+
+
+def whole(name: str, value: typing.Any, least: int, most: int) -> int:
+    """A whole number in these bounds, or an error that names it."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise ScenarioError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
+    return number
 
 
 def _report(kind: type[Report], text: str) -> Report:

@@ -1,10 +1,12 @@
 """`sweep` of the command line, as a function."""
 
+import operator
 import os
 import typing
 from dataclasses import dataclass
 
 from ._core import sweep_json
+from .errors import ScenarioError
 from .scenario import Spread, _report
 
 
@@ -33,7 +35,7 @@ class SweepReport:
 def sweep(
     spec: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    shard: tuple[int, int] | None = None,
+    shard: tuple[int, int] | str | None = None,
     *,
     mode: typing.Literal["grasp", "full"] = "grasp",
 ) -> SweepReport:
@@ -45,11 +47,21 @@ def sweep(
     Args:
         spec: The path of a sweep's spec.
         out: The folder of results.
-        shard: (I, N): only shard I of N, from 0 to N - 1.
+        shard: (I, N), or "I/N" as on the command line: only shard I of N, from 0 to N - 1.
         mode: The grasp controller, or MuJoCo's own contact solve.
 
     Raises:
         ScenarioError: Bad input, the text names file and field; or a file in `out` that is not of this sweep.
     """
-    text = sweep_json(os.fspath(spec), os.fspath(out), None if shard is None else f"{shard[0]}/{shard[1]}", mode)
-    return _report(SweepReport, text)
+    return _report(SweepReport, sweep_json(os.fspath(spec), os.fspath(out), _shard(shard), mode))
+
+
+def _shard(shard: tuple[int, int] | str | None) -> str | None:
+    """As on the command line."""
+    if shard is None or isinstance(shard, str):
+        return shard
+    try:
+        index, count = map(operator.index, shard)
+    except (TypeError, ValueError):
+        raise ScenarioError(f'shard is {shard!r}; it must be (I, N) or "I/N", shard I of N, with I from 0 to N - 1') from None
+    return f"{index}/{count}"

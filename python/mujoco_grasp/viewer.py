@@ -33,7 +33,8 @@ def draw(
     Args:
         grasps: What is drawn, as of the last step.
         scene: Where to; what does not fit in `maxgeom` is left out.
-        metres_per_newton: Length of the arrows, m/N; None: 5 cm for the target's weight on earth.
+        metres_per_newton: Length of the arrows, m/N; None: 5 cm for the target's weight on earth, or for 1 N
+            if it has none.
         size: Radius of the spheres, m; arrows are half as thick.
         labels: Whether phases are written.
         clear: Whether what is in the scene goes first: wanted for a viewer's `user_scn`, which keeps it.
@@ -47,7 +48,8 @@ def draw(
     for grasp in grasps:
         latched = grasp.is_grasped
         weight = 9.81 * float(grasps.model.body_subtreemass[grasp.target_id])
-        scale = 0.05 / weight if metres_per_newton is None else metres_per_newton
+        # one without mass has no weight to compare with: 5 cm/N
+        scale = 0.05 / (weight or 1.0) if metres_per_newton is None else metres_per_newton
         for contact in grasp.contacts():
             colour = (SLIDES if contact.is_sliding else STICKS) if latched else UNGRASPED
             position = contact.position

@@ -1,22 +1,37 @@
 //! The class `Batch`: many simulations of one model, on all cores.
 
-use crate::errors::SpecError;
+use crate::arguments;
+use crate::errors::{ModelError, SpecError, of_engine};
 use crate::grasps::Grasps;
-use crate::session::{Advance, Session, warn};
+use crate::parts::{self, Pace};
+use crate::pool::Pool;
+use crate::session::{Session, warn};
 use crate::turn::Taken;
 use mujoco_grasp::grasp::{Grasp, Phase};
 use mujoco_grasp::mujoco::Simulation;
-use numpy::ndarray::{ArrayView, Dimension};
-use numpy::{AllowTypeChange, Element, PyArray1, PyArray2, PyArrayLike2, PyArrayLike3, PyArrayMethods};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rayon::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::HashSet;
 
-/// Simulations of one model, each with a data and grasps of its own.
+/// Simulations of one model, stepped side by side on all cores, each with an `MjData` and `Grasps` of its own.
+///
+/// `data` and `grasps` are at your disposal between two calls. What a simulation does depends on nothing but its own inputs:
+/// results are the same bit for bit with any number of threads, and those of its grasps stepped alone.
+///
+/// Args:
+///     model: Shared by all and never written.
+///     nsim: Simulations, all at the model's initial configuration.
+///     target, palm, frozen_tolerance, options: As of `Grasps`.
+///     threads: At most `nsim` are used. None: as many as there are cores.
+///
+/// Raises:
+///     Error: As `Grasps`.
 #[pyclass(frozen, module = "mujoco_grasp")]
 pub struct Batch {
-    pool: ThreadPool,
+    pool: Pool,
+    pace: Pace,
     members: Vec<Py<Grasps>>,
     data: Py<PyTuple>,
     sizes: Sizes,
@@ -32,31 +47,86 @@ struct Sizes {
     nsensordata: usize,
 }
 
-type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
-type Wrenches<'py> = PyArrayLike3<'py, f64, AllowTypeChange>;
+/// More failures of one call are counted only.
+const NAMED: usize = 8;
+
+/// What the simulations had to say in a call.
+#[derive(Default)]
+struct Outcome {
+    failures: Vec<(usize, PyErr)>,
+    warnings: Vec<String>,
+}
 
 impl Batch {
-    /// Runs `work` on the sessions of all simulations, on all threads of the pool. All go on to the end; then the first error
-    /// is raised, with the number of its simulation.
-    fn each(&self, py: Python<'_>, work: impl Fn(usize, &mut Session) -> PyResult<()> + Sync) -> PyResult<()> {
-        let members: Vec<&Grasps> = self.members.iter().map(Py::get).collect();
-        let _turns: Vec<Taken<'_>> = members.iter().map(|grasps| grasps.begin(py)).collect::<PyResult<_>>()?;
-        let results: Vec<(PyResult<()>, Vec<String>)> = py.detach(|| {
-            let of_one = |(i, grasps): (usize, &&Grasps)| {
-                let mut session = grasps.lock();
-                (work(i, &mut session), session.take_warnings())
-            };
-            self.pool.install(|| members.par_iter().enumerate().map(of_one).collect())
-        });
-        let mut first = Ok(());
-        for (i, (result, warnings)) in results.into_iter().enumerate() {
-            warn(py, warnings)?;
-            if let (Ok(()), Err(error)) = (&first, result) {
-                error.add_note(py, format!("in simulation {i} of the batch; the others have gone on"))?;
-                first = Err(error);
+    /// That all simulations may begin a step; while the result lives nobody else can.
+    fn begin(&self, py: Python<'_>) -> PyResult<Vec<Taken<'_>>> {
+        let mut turns = Vec::with_capacity(self.members.len());
+        for (i, grasps) in self.members.iter().enumerate() {
+            match grasps.get().begin(py) {
+                Ok(turn) => turns.push(turn),
+                Err(error) => {
+                    error.add_note(py, format!("in simulation {i} of the batch; none has gone on"))?;
+                    return Err(error);
+                }
             }
         }
-        first
+        Ok(turns)
+    }
+
+    /// Runs `work` on the sessions of all simulations that have not failed, on all threads of the pool. All go on to the end.
+    fn each(
+        &self,
+        py: Python<'_>,
+        outcome: &mut Outcome,
+        work: impl Fn(usize, &mut Session) -> PyResult<()> + Sync,
+    ) -> PyResult<()> {
+        let pool = self.pool.get()?;
+        let failed: HashSet<usize> = outcome.failures.iter().map(|(i, _)| *i).collect();
+        let of_one = |(i, grasps): (usize, &Grasps)| {
+            if failed.contains(&i) {
+                return (Ok(()), Vec::new());
+            }
+            let mut session = grasps.lock();
+            (work(i, &mut session), session.take_warnings())
+        };
+        let members: Vec<&Grasps> = self.members.iter().map(Py::get).collect();
+        let results: Vec<(PyResult<()>, Vec<String>)> =
+            py.detach(|| pool.install(|| members.into_par_iter().enumerate().map(of_one).collect()));
+        for (i, (result, warnings)) in results.into_iter().enumerate() {
+            outcome.failures.extend(result.err().map(|error| (i, error)));
+            outcome.warnings.extend(warnings);
+        }
+        Ok(())
+    }
+
+    /// The same once, as a whole call.
+    fn once(&self, py: Python<'_>, work: impl Fn(usize, &mut Session) -> PyResult<()> + Sync) -> PyResult<()> {
+        let _turns = self.begin(py)?;
+        let mut outcome = Outcome::default();
+        self.each(py, &mut outcome, work)?;
+        self.raise(py, outcome)
+    }
+
+    /// The first simulation's error, which says of all others.
+    fn raise(&self, py: Python<'_>, outcome: Outcome) -> PyResult<()> {
+        let Outcome { mut failures, warnings } = outcome;
+        let warned = warn(py, warnings);
+        failures.sort_by_key(|(i, _)| *i);
+        let failed: Vec<usize> = failures.iter().map(|(i, _)| *i).collect();
+        let mut failures = failures.into_iter();
+        let Some((i, first)) = failures.next() else { return warned };
+        first.value(py).setattr("failed", PyTuple::new(py, &failed)?)?;
+        let others = match (failed.len(), self.members.len() - failed.len()) {
+            (1, 0) => String::new(),
+            (count, 0) => format!("; all {count} have failed"),
+            (1, _) => "; the others have gone on to the end".to_owned(),
+            (count, _) => format!("; {count} have failed, see `failed`; the others have gone on to the end"),
+        };
+        first.add_note(py, format!("in simulation {i} of the batch{others}"))?;
+        for (i, error) in failures.take(NAMED) {
+            first.add_note(py, format!("simulation {i}: {error}"))?;
+        }
+        Err(first)
     }
 
     /// Rows of numbers, one for each simulation.
@@ -81,16 +151,15 @@ impl Batch {
     ) -> PyResult<Bound<'py, PyArray2<T>>> {
         let row = |session: &mut Session| session.grasps.iter().map(&value).collect();
         let rows: Vec<Vec<T>> = self.members.iter().map(|grasps| grasps.get().with(py, row)).collect();
-        Ok(PyArray2::from_vec2(py, &rows)?)
-    }
-
-    /// The numbers of an array that has a row of this shape for each simulation.
-    fn numbers<D: Dimension>(&self, name: &str, array: ArrayView<'_, f64, D>, row: &[usize]) -> PyResult<Vec<f64>> {
-        let needed = [&[self.members.len()], row].concat();
-        if array.shape() == needed {
-            return Ok(array.iter().copied().collect());
+        if let Some(i) = rows.iter().position(|row| row.len() != rows[0].len()) {
+            return Err(SpecError::new_err(format!(
+                "simulation {i} of the batch has {} grasps, and simulation 0 has {}: all must have as many for an array of \
+                 them; read batch.grasps[{i}] itself, or add to the others, too",
+                rows[i].len(),
+                rows[0].len()
+            )));
         }
-        Err(SpecError::new_err(format!("{name} has the shape {:?}; {needed:?} is needed", array.shape())))
+        Ok(PyArray2::from_vec2(py, &rows)?)
     }
 
     /// Writes a row of `columns` numbers into each simulation, where `place` is.
@@ -98,37 +167,35 @@ impl Batch {
         &self,
         py: Python<'_>,
         name: &str,
-        rows: &Rows<'_>,
+        rows: &Bound<'_, PyAny>,
         columns: usize,
         place: impl Fn(&mut Simulation) -> &mut [f64] + Sync,
     ) -> PyResult<()> {
-        let numbers = self.numbers(name, rows.as_array(), &[columns])?;
+        let numbers = arguments::numbers(name, rows, &[self.members.len(), columns])?;
         let row = |i: usize| &numbers[i * columns..(i + 1) * columns];
-        self.each(py, |i, session| session.write(|sim| place(sim).copy_from_slice(row(i))))
+        self.once(py, |i, session| session.write(|sim| place(sim).copy_from_slice(row(i))))
     }
 }
 
 #[pymethods]
 impl Batch {
     #[new]
-    #[pyo3(signature = (model, nsim, target=None, palm=None, *, threads=None, frozen_tolerance=None, **options))]
+    #[pyo3(signature = (model, nsim, target=None, palm=None, *, threads=None, frozen_tolerance=2e-3, **options))]
     #[allow(clippy::too_many_arguments)] // as Python has them
     fn new(
         model: &Bound<'_, PyAny>,
-        nsim: usize,
+        #[pyo3(from_py_with = arguments::nsim)] nsim: usize,
         target: Option<&Bound<'_, PyAny>>,
         palm: Option<&Bound<'_, PyAny>>,
-        threads: Option<usize>,
-        frozen_tolerance: Option<f64>,
+        #[pyo3(from_py_with = arguments::threads)] threads: Option<usize>,
+        #[pyo3(from_py_with = arguments::frozen_tolerance)] frozen_tolerance: f64,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let py = model.py();
-        if nsim == 0 || threads == Some(0) {
-            return Err(SpecError::new_err("nsim and threads must be at least 1"));
-        }
         let class = py.import("mujoco")?.getattr("MjData")?;
         let (mut data, mut members) = (Vec::new(), Vec::new());
         for _ in 0..nsim {
+            py.check_signals()?;
             let one = class.call1((model,))?;
             members.push(Py::new(py, Grasps::new(model, &one, target, palm, frozen_tolerance, options)?)?);
             data.push(one);
@@ -138,40 +205,69 @@ impl Batch {
             let (nu, nq, nv, nbody) = (model.nu(), model.nq(), model.nv(), model.nbody());
             Sizes { nu, nq, nv, nbody, nsensordata: model.nsensordata() }
         });
-        let pool = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
-        let pool = pool.map_err(|e| SpecError::new_err(format!("threads cannot be had: {e}")))?;
-        Ok(Self { pool, members, data: PyTuple::new(py, data)?.unbind(), sizes })
+        // more threads than simulations would have nothing to do
+        let pool = Pool::new(threads.map_or(0, |threads| threads.min(nsim)));
+        pool.get()?;
+        Ok(Self { pool, pace: Pace::default(), members, data: PyTuple::new(py, data)?.unbind(), sizes })
     }
 
     /// Advances each simulation by `n` steps, as `Grasps.step`, with the GIL released.
+    ///
+    /// Ctrl-C ends it, after as many steps of each simulation, of which the last is whole.
+    ///
+    /// Args:
+    ///     n: Steps.
+    ///     ctrl: Controls, shape (nsim, nu); None: as they are in each data.
+    ///     xfrc_applied: Wrenches on bodies, [force; torque] at their centres of mass, world axes, N and N m, shape
+    ///         (nsim, nbody, 6); None: as they are in each data.
+    ///
+    /// Raises:
+    ///     SpecError: Arrays of other shapes.
+    ///     Error: That of the first simulation that has failed. Its `failed` has the numbers of all that have, and its notes
+    ///         say what the others' errors were; those that have not failed have made all their steps.
     #[pyo3(signature = (n=1, *, ctrl=None, xfrc_applied=None))]
     fn step(
         &self,
         py: Python<'_>,
-        n: usize,
-        ctrl: Option<Rows<'_>>,
-        xfrc_applied: Option<Wrenches<'_>>,
+        #[pyo3(from_py_with = arguments::n)] n: usize,
+        ctrl: Option<&Bound<'_, PyAny>>,
+        xfrc_applied: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let (nu, wrench) = (self.sizes.nu, 6 * self.sizes.nbody);
-        let ctrl = ctrl.map(|rows| self.numbers("ctrl", rows.as_array(), &[nu])).transpose()?;
-        let shape = [self.sizes.nbody, 6];
-        let wrenches = xfrc_applied.map(|rows| self.numbers("xfrc_applied", rows.as_array(), &shape)).transpose()?;
-        self.each(py, |i, session| {
-            session.advance(Advance::Steps(n), |sim| {
-                if let Some(ctrl) = &ctrl {
-                    sim.ctrl_mut().copy_from_slice(&ctrl[i * nu..(i + 1) * nu]);
-                }
-                if let Some(wrenches) = &wrenches {
-                    sim.xfrc_applied_mut().copy_from_slice(&wrenches[i * wrench..(i + 1) * wrench]);
-                }
+        let (nsim, nu, wrench) = (self.members.len(), self.sizes.nu, 6 * self.sizes.nbody);
+        let mut ctrl = ctrl.map(|rows| arguments::numbers("ctrl", rows, &[nsim, nu])).transpose()?;
+        let shape = [nsim, self.sizes.nbody, 6];
+        let mut wrenches = xfrc_applied.map(|rows| arguments::numbers("xfrc_applied", rows, &shape)).transpose()?;
+        let _turns = self.begin(py)?;
+        let mut outcome = Outcome::default();
+        parts::make(py, n, nsim, &self.pace, |part| {
+            // written once: what is wrong with them MuJoCo puts right in the data
+            let (ctrl, wrenches) = (ctrl.take(), wrenches.take());
+            self.each(py, &mut outcome, |i, session| {
+                session.advance(part, |sim| {
+                    if let Some(ctrl) = &ctrl {
+                        sim.ctrl_mut().copy_from_slice(&ctrl[i * nu..(i + 1) * nu]);
+                    }
+                    if let Some(wrenches) = &wrenches {
+                        sim.xfrc_applied_mut().copy_from_slice(&wrenches[i * wrench..(i + 1) * wrench]);
+                    }
+                })
             })
-        })
+        })?;
+        self.raise(py, outcome)
     }
 
     /// Resets all data to the initial configuration or a keyframe, and all grasps.
+    ///
+    /// Raises:
+    ///     UnknownNameError: A keyframe that the model does not have; nothing is reset.
     #[pyo3(signature = (keyframe=None))]
     fn reset(&self, py: Python<'_>, keyframe: Option<&str>) -> PyResult<()> {
-        self.each(py, |_, session| session.reset_data(keyframe))
+        if let Some(name) = keyframe {
+            let found =
+                self.members[0].get().with(py, |session| session.borrowed.sim().model().keyframe(name).map(drop));
+            found.map_err(of_engine)?;
+        }
+        self.once(py, |_, session| session.reset_data(keyframe))
     }
 
     /// Positions, shape (nsim, nq), a copy; may be set.
@@ -181,8 +277,8 @@ impl Batch {
     }
 
     #[setter]
-    fn set_qpos(&self, py: Python<'_>, qpos: Rows<'_>) -> PyResult<()> {
-        self.write_rows(py, "qpos", &qpos, self.sizes.nq, Simulation::qpos_mut)
+    fn set_qpos(&self, py: Python<'_>, qpos: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.write_rows(py, "qpos", qpos, self.sizes.nq, Simulation::qpos_mut)
     }
 
     /// Velocities, shape (nsim, nv), a copy; may be set.
@@ -192,40 +288,42 @@ impl Batch {
     }
 
     #[setter]
-    fn set_qvel(&self, py: Python<'_>, qvel: Rows<'_>) -> PyResult<()> {
-        self.write_rows(py, "qvel", &qvel, self.sizes.nv, Simulation::qvel_mut)
+    fn set_qvel(&self, py: Python<'_>, qvel: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.write_rows(py, "qvel", qvel, self.sizes.nv, Simulation::qvel_mut)
     }
 
-    /// Shape (nsim, nsensordata), a copy.
+    /// Sensors' values, shape (nsim, nsensordata), a copy.
     #[getter]
     fn sensordata<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.rows(py, self.sizes.nsensordata, Simulation::sensordata)
     }
 
-    /// s, shape (nsim,)
+    /// Simulated time, s, shape (nsim,).
     #[getter]
     fn time<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let time = |session: &mut Session| session.borrowed.sim().time();
         PyArray1::from_vec(py, self.members.iter().map(|grasps| grasps.get().with(py, time)).collect())
     }
 
-    /// Shape (nsim, number of grasps).
+    /// Whether each grasp is latched, shape (nsim, number of grasps).
     #[getter]
     fn is_grasped<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
         self.of_grasps(py, |grasp| grasp.phase() == Phase::Grasped)
     }
 
-    /// N, shape (nsim, number of grasps).
+    /// Quality of each grasp, N, shape (nsim, number of grasps).
     #[getter]
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.of_grasps(py, Grasp::quality)
     }
 
+    /// Each simulation's `MjData`.
     #[getter]
     fn data(&self, py: Python<'_>) -> Py<PyTuple> {
         self.data.clone_ref(py)
     }
 
+    /// Each simulation's grasps.
     #[getter]
     fn grasps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.members.iter().map(|grasps| grasps.clone_ref(py)))
@@ -235,7 +333,16 @@ impl Batch {
         self.members.len()
     }
 
-    fn __repr__(&self) -> String {
-        format!("<mujoco_grasp.Batch of {} on {} threads>", self.members.len(), self.pool.current_num_threads())
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(ModelError::new_err(
+            "a batch works in place on data of this process, so it is neither pickled nor copied: pickle or copy the save() of \
+             each of its grasps and mj_getState of each of its data, and take them back in a batch that is made with the \
+             same options",
+        ))
+    }
+
+    fn __repr__(&self) -> PyResult<String> {
+        let threads = self.pool.get()?.current_num_threads();
+        Ok(format!("<mujoco_grasp.Batch of {} on {threads} threads>", self.members.len()))
     }
 }

@@ -5,7 +5,7 @@ use mujoco_grasp::mujoco::{BodyId, CompiledModel};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-/// One contact between a link of the hand and the target, as of the last step.
+/// A contact of a link and the target. World frame; the normal points into the target, forces are those on it.
 #[pyclass(frozen, module = "mujoco_grasp")]
 pub struct Contact {
     contact: GraspContact,
@@ -110,6 +110,7 @@ impl Contact {
         self.contact.parameters.dist
     }
 
+    /// Dimensions of its friction, as of a geom: 1, 3, 4 or 6.
     #[getter]
     fn condim(&self) -> usize {
         self.contact.parameters.condim

@@ -45,7 +45,17 @@ pub fn of_engine(error: mujoco::Error) -> PyErr {
 /// Of grasps.
 pub fn of_grasp(error: grasp::Error) -> PyErr {
     use grasp::Error as E;
-    let text = error.to_string();
+    // What would be right is said in Python's words where Rust's are other ones.
+    let text = match &error {
+        E::NoWeld { limits, target } => format!(
+            "limits {limits:?} need a weld between the hand and the target {target}, and the model has none: put \
+             mujoco_grasp.weld_xml(target) at the end of the MJCF's text, before </mujoco> and after all other equality \
+             constraints"
+        ),
+        E::WeldActive(_) => error.to_string().replace("grasp::", "mujoco_grasp."),
+        E::Integrator => format!("{error}: set model.opt.integrator to mjINT_IMPLICITFAST or mjINT_EULER"),
+        _ => error.to_string(),
+    };
     match error {
         E::Engine(error) => of_engine(error),
         E::NoSuchBody { .. } => UnknownNameError::new_err(text),
@@ -60,6 +70,11 @@ pub fn of_grasp(error: grasp::Error) -> PyErr {
 pub fn of_scenario(error: scenario::Error) -> PyErr {
     match error {
         scenario::Error::Step { source, .. } => of_grasp(source),
+        // an option of the command line is an argument here
+        scenario::Error::Option { option, value, expected } => {
+            let argument = option.trim_start_matches('-').replace('-', "_");
+            ScenarioError::new_err(format!("{argument} is {value}; {expected}"))
+        }
         other => ScenarioError::new_err(other.to_string()),
     }
 }

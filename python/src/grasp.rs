@@ -1,7 +1,7 @@
 //! The class `Grasp`: a handle of one of the `Grasps`.
 
 use crate::contact::{Contact, body_name};
-use crate::errors::DivergedError;
+use crate::errors::{DivergedError, ModelError};
 use crate::grasps::{Grasps, phase_name};
 use crate::quality::QualityReport;
 use crate::session::{Clock, Session};
@@ -11,8 +11,9 @@ use mujoco_grasp::mujoco::BodyId;
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// One grasp: its phase, its quality and its contacts.
+/// One of the `Grasps`; all numbers are those of the last step.
 #[pyclass(frozen, module = "mujoco_grasp")]
 pub struct Grasp {
     grasps: Py<Grasps>,
@@ -58,11 +59,13 @@ impl Grasp {
         self.index
     }
 
+    /// What it is one of.
     #[getter]
     fn grasps(&self, py: Python<'_>) -> Py<Grasps> {
         self.grasps.clone_ref(py)
     }
 
+    /// Name of the body that is grasped.
     #[getter]
     fn target(&self, py: Python<'_>) -> PyResult<String> {
         self.name(py, |grasp, name| name(grasp.target()))
@@ -74,6 +77,7 @@ impl Grasp {
         self.read(py, |grasp| grasp.target().index())
     }
 
+    /// Name of the body at the base of the fingers.
     #[getter]
     fn palm(&self, py: Python<'_>) -> PyResult<String> {
         self.name(py, |grasp, name| name(grasp.palm()))
@@ -85,16 +89,19 @@ impl Grasp {
         self.name(py, |grasp, name| grasp.links().iter().map(|&link| name(link)).collect())
     }
 
+    /// What stands for its contacts: "cones", "box" or "rigid".
     #[getter]
     fn limits(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.read(py, |grasp| grasp.limits().name())
     }
 
+    /// "ungrasped", or "grasped" while it is latched.
     #[getter]
     fn phase(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.read(py, |grasp| phase_name(grasp.phase()))
     }
 
+    /// Whether it is latched.
     #[getter]
     fn is_grasped(&self, py: Python<'_>) -> PyResult<bool> {
         self.read(py, |grasp| grasp.phase() == Phase::Grasped)
@@ -112,13 +119,13 @@ impl Grasp {
         self.read(py, Controller::quality)
     }
 
-    /// N
+    /// Quality at which it latches, N.
     #[getter]
     fn latch_quality(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, Controller::latch_quality)
     }
 
-    /// N
+    /// What it must keep, once latched, not to be given up, N.
     #[getter]
     fn release_quality(&self, py: Python<'_>) -> PyResult<f64> {
         self.read(py, Controller::release_quality)
@@ -168,6 +175,9 @@ impl Grasp {
     }
 
     /// The field's quality measures of the effectors' contacts; costs milliseconds.
+    ///
+    /// Raises:
+    ///     DivergedError: Contacts or forces that are not numbers.
     fn measures(&self, py: Python<'_>) -> PyResult<QualityReport> {
         let report = self.with(py, |session, index| {
             let grasp = session.grasp(index)?;
@@ -184,6 +194,24 @@ impl Grasp {
     /// Forbids or allows latching; a latched grasp stays so.
     fn allow_latch(&self, py: Python<'_>, allowed: bool) -> PyResult<()> {
         self.with(py, |session, index| session.grasp_mut(index).map(|grasp| grasp.allow_latch(allowed)))
+    }
+
+    /// Handles are the same that are of the same grasp.
+    fn __eq__(&self, other: &Self) -> bool {
+        self.grasps.is(&other.grasps) && self.index == other.index
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        (self.grasps.as_ptr().addr(), self.index).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(ModelError::new_err(
+            "a grasp is one of the Grasps of this process, so it is neither pickled nor copied: pickle or copy \
+             grasps.save(), and restore() it in grasps that are made with the same options",
+        ))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

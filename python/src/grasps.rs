@@ -1,8 +1,10 @@
 //! The class `Grasps`.
 
-use crate::errors::{ModelError, SpecError, of_engine, of_grasp};
+use crate::arguments;
+use crate::errors::{ModelError, of_engine, of_grasp};
 use crate::grasp::Grasp;
 use crate::owner::Owner;
+use crate::parts::{self, Pace};
 use crate::session::{Advance, Session, warn};
 use crate::spec;
 use crate::state::State;
@@ -10,14 +12,50 @@ use crate::turn::{Taken, Turn};
 use mujoco_grasp::grasp::Phase;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyIterator, PyList};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// All grasps of a simulation, in place on a `mujoco.MjModel` and its `mujoco.MjData`.
+/// All grasps of one simulation, in place on its `MjModel` and `MjData`: call `step` instead of `mj_step`.
+///
+/// Nothing is copied: after each call the data is as after `mj_step`, with sensors, `cfrc_ext` and the contact list
+/// seeing the contacts of a latched grasp with their forces. One thread at a time may step a data.
+///
+/// Args:
+///     model: As it was loaded.
+///     data: Made from it.
+///     target: Body that is grasped, by its name or number: one of its own, for example with a free joint. None: no grasp
+///         yet, see `add`.
+///     palm: Base of the fingers, every link below may hold. None: the lowest common ancestor of the effectors, and
+///         without any, the only hand that can touch the target.
+///     frozen_tolerance: Angle by which anything may turn between two whole steps, rad; with 0 every step is whole.
+///
+/// Options of the grasp; None is each one's default, too:
+///     effectors: Links that may hold the target, names or numbers of bodies; none: every link below the palm.
+///     latch_quality: Quality at which the grasp latches, N; a tenth of the target's weight.
+///     release_quality: What a latched grasp must keep not to be given up, N: with "cones" the sum of the normal forces,
+///         else the quality; a quarter of `latch_quality`.
+///     latch_time: Simulated time of good quality before it latches, s; 0.05.
+///     release_time: Simulated time without hold before it is given up, s; 0.05.
+///     limits: What stands for the contacts: "cones", their friction cones; or for comparison one bound for each axis of a
+///         weld, "box", or a plain weld, "rigid": both need a weld in the model, see `weld_xml`.
+///     relaxed: Axes that may slip, of x, y, z, rx, ry, rz, "box" only; all six.
+///     axes: Orientation of those axes in the target's frame, a quaternion w, x, y, z, "box" only; that frame itself.
+///     solref: Of the weld's axes that may not slip, "box" and "rigid": [time constant (s), damping ratio] or
+///         [-stiffness, -damping]; from the contacts.
+///     solimp: Likewise, five numbers.
+///     relaxed_solref: Of the axes that may slip, "box" only.
+///     relaxed_solimp: Likewise.
+///
+/// Raises:
+///     ModelError: Not a model and its data, or a model with what is not served (flexes, RK4, stateful plugins).
+///     UnknownNameError: A name that the model does not have.
+///     SpecError: Bodies that cannot hold or be held, values that make no sense.
+///     TypeError: An option that does not exist.
 #[pyclass(frozen, module = "mujoco_grasp")]
 pub struct Grasps {
     owner: Owner,
     turn: Turn,
+    pace: Pace,
     session: Mutex<Session>,
 }
 
@@ -46,7 +84,6 @@ impl Grasps {
     }
 
     fn advance(&self, py: Python<'_>, advance: Advance) -> PyResult<()> {
-        let _turn = self.begin(py)?;
         let (made, warnings) = py.detach(|| {
             let mut session = self.lock();
             let made = session.advance(advance, |_| ());
@@ -62,20 +99,18 @@ impl Grasps {
 #[pymethods]
 impl Grasps {
     #[new]
-    #[pyo3(signature = (model, data, target=None, palm=None, *, frozen_tolerance=None, **options))]
+    #[pyo3(signature = (model, data, target=None, palm=None, *, frozen_tolerance=2e-3, **options))]
     pub fn new(
         model: &Bound<'_, PyAny>,
         data: &Bound<'_, PyAny>,
         target: Option<&Bound<'_, PyAny>>,
         palm: Option<&Bound<'_, PyAny>>,
-        frozen_tolerance: Option<f64>,
+        #[pyo3(from_py_with = arguments::frozen_tolerance)] frozen_tolerance: f64,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let (owner, borrowed) = Owner::borrow(model, data)?;
         let mut session = Session::new(borrowed);
-        if let Some(angle) = frozen_tolerance {
-            session.grasps.set_frozen_tolerance(checked_tolerance(angle)?);
-        }
+        session.grasps.set_frozen_tolerance(frozen_tolerance);
         match target {
             Some(target) => add(&mut session, target, palm, options).map(drop)?,
             None if palm.is_some() || options.is_some() => {
@@ -83,7 +118,8 @@ impl Grasps {
             }
             None => {}
         }
-        Ok(Self { turn: Turn::of(owner.data_address()), owner, session: Mutex::new(session) })
+        let turn = Turn::of(owner.data_address());
+        Ok(Self { owner, turn, pace: Pace::default(), session: Mutex::new(session) })
     }
 
     /// Adds a grasp; options and errors as of the class. Those that move each other are solved as one problem.
@@ -101,15 +137,18 @@ impl Grasps {
     }
 
     /// Advances the data by `n` steps with the same controls, instead of `mj_step(model, data, n)`.
+    ///
+    /// Ctrl-C ends it after a whole step.
     #[pyo3(signature = (n=1))]
-    fn step(&self, py: Python<'_>, n: i64) -> PyResult<()> {
-        let n = usize::try_from(n).map_err(|_| SpecError::new_err(format!("n is {n}: it must be at least 0")))?;
-        self.advance(py, Advance::Steps(n))
+    fn step(&self, py: Python<'_>, #[pyo3(from_py_with = arguments::n)] n: usize) -> PyResult<()> {
+        let _turn = self.begin(py)?;
+        parts::make(py, n, 1, &self.pace, |part| self.advance(py, part))
     }
 
     /// As `step()`, for a step after which only `qpos`, `qvel`, `act`, time and the grasps' contacts are wanted.
     fn substep(&self, py: Python<'_>) -> PyResult<()> {
-        self.advance(py, Advance::Substep)
+        let _turn = self.begin(py)?;
+        self.advance(py, Advance::substeps(1))
     }
 
     /// After an `mj_step` of your own: reads contacts, forces and quality, and counts good time without latching.
@@ -148,10 +187,8 @@ impl Grasps {
     }
 
     #[setter]
-    fn set_frozen_tolerance(&self, py: Python<'_>, angle: f64) -> PyResult<()> {
-        let angle = checked_tolerance(angle)?;
+    fn set_frozen_tolerance(&self, py: Python<'_>, #[pyo3(from_py_with = arguments::frozen_tolerance)] angle: f64) {
         self.with(py, |session| session.grasps.set_frozen_tolerance(angle));
-        Ok(())
     }
 
     /// Steps so far that were made on frozen geometry.
@@ -169,11 +206,13 @@ impl Grasps {
         Ok(dict)
     }
 
+    /// As it was given.
     #[getter]
     fn model(&self, py: Python<'_>) -> Py<PyAny> {
         self.owner.model.clone_ref(py)
     }
 
+    /// As it was given.
     #[getter]
     fn data(&self, py: Python<'_>) -> Py<PyAny> {
         self.owner.data.clone_ref(py)
@@ -190,6 +229,11 @@ impl Grasps {
             Some(place) => Ok(Grasp::new(slf.clone().unbind(), place)),
             None => Err(PyIndexError::new_err(format!("grasp {index} does not exist: there are {len}"))),
         }
+    }
+
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyIterator>> {
+        let handles = (0..slf.get().__len__(slf.py())).map(|index| Grasp::new(slf.clone().unbind(), index));
+        PyList::new(slf.py(), handles.map(|grasp| Py::new(slf.py(), grasp)).collect::<PyResult<Vec<_>>>()?)?.try_iter()
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
@@ -229,11 +273,4 @@ fn add(
     let id = borrowed.visit(false, |sim| grasps.add(sim, &spec)).map_err(of_engine)?.map_err(of_grasp)?;
     session.clocks.push(Default::default());
     Ok(id.index())
-}
-
-fn checked_tolerance(angle: f64) -> PyResult<f64> {
-    match angle.is_finite() && angle >= 0.0 {
-        true => Ok(angle),
-        false => Err(SpecError::new_err(format!("frozen_tolerance is {angle} rad; it must be finite, at least 0"))),
-    }
 }

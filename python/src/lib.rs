@@ -4,12 +4,15 @@
 //! the wheel's own `MjModel` and `MjData`. The package chooses the core by `mujoco.mj_version()` and documents what is here.
 #![deny(unsafe_code)]
 
+mod arguments;
 mod batch;
 mod contact;
 mod errors;
 mod grasp;
 mod grasps;
 mod owner;
+mod parts;
+mod pool;
 mod quality;
 mod scenario;
 mod session;

@@ -1,6 +1,7 @@
 //! `run`, `bench` and `agree` of scenario files, as the JSON of the command line; the package makes dataclasses of it.
 
 use crate::errors::{ScenarioError, of_scenario};
+use crate::pool::SHARED;
 use crate::spec;
 use mujoco_grasp::grasp::Limits;
 use mujoco_grasp::mujoco::mujoco_version;
@@ -14,6 +15,7 @@ use mujoco_grasp::scenario::stop::Stop;
 use mujoco_grasp::scenario::sweep::{self, Shard, Sweep};
 use mujoco_grasp::scenario::{Error, source};
 use pyo3::prelude::*;
+use rayon::ThreadPool;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
@@ -55,9 +57,11 @@ fn json(report: &impl Serialize) -> String {
     serde_json::to_string(report).unwrap_or_default()
 }
 
-/// Runs `work` on a thread of its own, which has the engine's handlers for itself, and sees to Python's signals meanwhile.
-fn detached<T>(
+/// Runs `work` on a thread of its own, which has the engine's handlers for itself, or on those of a pool, and sees to
+/// Python's signals meanwhile.
+fn detached<T: Sync>(
     py: Python<'_>,
+    pool: Option<&ThreadPool>,
     load: impl FnOnce() -> Result<T, Error> + Send,
     stop_of: fn(&T) -> &Stop,
     work: impl FnOnce(&T) -> Result<String, Error> + Send,
@@ -68,7 +72,10 @@ fn detached<T>(
         scope.spawn(move || {
             let made = load().and_then(|loaded| {
                 let _ = hand_over.send(stop_of(&loaded).clone());
-                work(&loaded)
+                match pool {
+                    Some(pool) => pool.install(|| work(&loaded)),
+                    None => work(&loaded),
+                }
             });
             let _ = done.send(made);
         });
@@ -131,7 +138,7 @@ pub fn run_json(
     let limits = limits.map(spec::limits).transpose()?;
     let options = Options { noslip: noslip.map(usize::from) };
     let loaded = || load(scenario, limits, frozen_tolerance, duration);
-    detached(py, loaded, stop_of_plan, |plan| {
+    detached(py, Some(&*SHARED.get()?), loaded, stop_of_plan, |plan| {
         let pushes = plan.select_pushes(push)?;
         let write = |run: &Run| out.as_ref().map_or(Ok(()), |out| run.write_csv(out).map(drop));
         let observer = Observer { steps: &|_| (), finished: &write };
@@ -166,7 +173,7 @@ pub fn bench_json(
     }
     let limits = limits.map(spec::limits).transpose()?;
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, stop_of_plan, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
+    detached(py, None, loaded, stop_of_plan, |plan| Ok(json(&bench(plan, steps as usize, substeps as usize, &|_| ())?)))
 }
 
 #[pyfunction]
@@ -186,7 +193,7 @@ pub fn agree_json(
     let limits = limits.map(spec::limits).transpose()?;
     let options = Options { noslip: noslip.map(usize::from) };
     let loaded = || load(scenario, limits, frozen_tolerance, None);
-    detached(py, loaded, stop_of_plan, |plan| {
+    detached(py, Some(&*SHARED.get()?), loaded, stop_of_plan, |plan| {
         let ground = Ground::new(plan, options)?;
         let onsets = ground.onsets(&|| ());
         plan.stop.check()?;
@@ -206,5 +213,11 @@ pub fn sweep_json(py: Python<'_>, spec: PathBuf, out: PathBuf, shard: Option<&st
     };
     let shard = shard.map_or(Ok(Shard::ALL), str::parse).map_err(of_scenario)?;
     let loaded = || Sweep::load(&spec);
-    detached(py, loaded, |sweep| &sweep.plan.stop, |sweep| Ok(json(&sweep::run(sweep, mode, shard, &out, &|_| ())?)))
+    detached(
+        py,
+        Some(&*SHARED.get()?),
+        loaded,
+        |sweep| &sweep.plan.stop,
+        |sweep| Ok(json(&sweep::run(sweep, mode, shard, &out, &|_| ())?)),
+    )
 }

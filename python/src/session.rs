@@ -30,13 +30,31 @@ pub struct Clock {
     began_latched: bool,
 }
 
-/// How a session goes on.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Advance {
-    /// So many steps, of which the last is whole.
-    Steps(usize),
-    /// One, on frozen geometry where that is good enough.
-    Substep,
+/// How a session goes on: so many steps.
+#[derive(Clone, Copy)]
+pub struct Advance {
+    n: usize,
+    /// The last of them is whole.
+    ends_whole: bool,
+    /// They may go on where the last call has ended.
+    goes_on: bool,
+}
+
+impl Advance {
+    /// Of which the last is whole.
+    pub fn steps(n: usize) -> Self {
+        Self { n, ends_whole: true, goes_on: n > 1 }
+    }
+
+    /// On frozen geometry where that is good enough.
+    pub fn substeps(n: usize) -> Self {
+        Self { n, ends_whole: false, goes_on: true }
+    }
+
+    /// What is left of a call that began with `substeps`.
+    pub fn rest(n: usize) -> Self {
+        Self { n, ends_whole: true, goes_on: true }
+    }
 }
 
 impl Session {
@@ -101,13 +119,12 @@ impl Session {
     /// The library's; [`ResetError`] where the data has gone back in time under a latched grasp.
     pub fn advance(&mut self, advance: Advance, inputs: impl FnOnce(&mut Simulation)) -> PyResult<()> {
         self.check_time()?;
-        let (n, ends_whole) = match advance {
-            Advance::Steps(0) => return Ok(()),
-            Advance::Steps(n) => (n, true),
-            Advance::Substep => (1, false),
-        };
+        let Advance { n, ends_whole, goes_on } = advance;
+        if n == 0 {
+            return Ok(());
+        }
         let Self { borrowed, grasps, clocks, .. } = self;
-        let result = borrowed.visit(n > 1 || !ends_whole, |sim| {
+        let result = borrowed.visit(goes_on, |sim| {
             inputs(sim);
             let mut steps = || {
                 for i in 1..=n {

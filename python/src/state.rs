@@ -6,7 +6,7 @@ use mujoco_grasp::grasp::GraspsState;
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What grasps remember from step to step.
+/// What grasps remember; it can be compared, copied, pickled, and written as JSON.
 #[pyclass(frozen, eq, module = "mujoco_grasp")]
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -27,6 +27,7 @@ impl State {
         Err(StateError::new_err("the saved state is damaged: it has a time for each of another number of grasps"))
     }
 
+    /// The state as text, for `from_json`.
     fn to_json(&self) -> PyResult<String> {
         serde_json::to_string(self).map_err(|e| StateError::new_err(e.to_string()))
     }

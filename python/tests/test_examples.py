@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from conftest import ROOT, in_another_process, latched
 
+import mujoco_grasp as mg
+from mujoco_grasp.gym import GraspMixin
 from mujoco_grasp.viewer import draw
 
 sys.path.insert(0, str(ROOT / "examples/python"))
@@ -50,6 +52,18 @@ def test_gym_env_without_latch_is_the_environment_alone():
         assert np.array_equal(env.data.cfrc_ext, alone.data.cfrc_ext)
 
 
+def test_gym_env_that_would_step_without_grasps_is_an_error():
+    gym_env = example("gym_env", "gymnasium", "imageio")
+    from gymnasium.envs.mujoco import MujocoEnv
+
+    with pytest.raises(TypeError, match=r"would step without grasps.*class Wrong\(GraspMixin, MujocoEnv\)"):
+        type("Wrong", (MujocoEnv, GraspMixin), {"grasp_options": {"target": "ball"}})
+    for options in ({}, {"palm": "palm"}):
+        env = type("NoTarget", (gym_env.LiftEnv,), {"grasp_options": options})()
+        with pytest.raises(mg.SpecError, match=r"grasp_options of NoTarget is .* with the target"):
+            env.reset()
+
+
 def test_dm_physics():
     physics, grasp = example("dm_physics", "dm_control").main()
     assert grasp.is_grasped
@@ -69,6 +83,12 @@ def test_robosuite_lift():
     assert grasps[0].is_grasped
     assert grasps[0].latched_time > 0.5
     assert lifted > 0.03
+
+
+def test_a_target_without_mass_is_drawn():
+    model, _, grasps = latched()
+    model.body_subtreemass[:] = 0
+    assert draw(grasps, mujoco.MjvScene(model, 100)) == 5
 
 
 def test_viewer_draws_contacts_forces_and_phase():

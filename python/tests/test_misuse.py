@@ -1,9 +1,12 @@
 """Ways of misuse: an exception each that says what is wrong, and the interpreter lives."""
 
+import collections.abc
 import copy
 import gc
 import pickle
+import signal
 import threading
+import time
 
 import mujoco
 import numpy as np
@@ -29,8 +32,10 @@ def test_pickled_and_copied_grasps():
     for attempt in (pickle.dumps, copy.copy, copy.deepcopy):
         with pytest.raises(mg.ModelError, match="save"):
             attempt(grasps)
-    with pytest.raises(TypeError):
-        pickle.dumps(grasps[0])
+        with pytest.raises(mg.ModelError, match="save"):
+            attempt(grasps[0])
+        with pytest.raises(mg.ModelError, match="save"):
+            attempt(mg.Batch(grasps.model, 1, "ball"))
 
 
 def test_names_that_do_not_exist():
@@ -75,6 +80,8 @@ def test_names_that_do_not_exist():
         ("effectors", ["ball"]),
         ("frozen_tolerance", np.nan),
         ("frozen_tolerance", -1e-3),
+        ("frozen_tolerance", "a"),
+        ("frozen_tolerance", None),
     ],
 )
 def test_wrong_shapes_and_values(option, value):
@@ -89,7 +96,7 @@ def test_wrong_numbers_of_steps():
         grasps.step(-1)
     with pytest.raises(TypeError):
         grasps.step(1.5)
-    with pytest.raises(OverflowError):
+    with pytest.raises(mg.SpecError, match="n is 1208"):
         grasps.step(2**80)
     grasps.step(0)
     assert data.time == 0
@@ -143,8 +150,104 @@ def test_a_model_that_is_not_served():
         mg.Grasps(model, mujoco.MjData(model))
     model, data, _ = gripper()
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    with pytest.raises(mg.ModelError, match="RK4"):
+    with pytest.raises(mg.ModelError, match=r"RK4.* mjINT_IMPLICITFAST or mjINT_EULER"):
         mg.Grasps(model, data, "ball")
+
+
+def test_limits_without_a_weld_are_told_what_python_has_for_it():
+    model, data, _ = gripper()
+    for limits in ("box", "rigid"):
+        with pytest.raises(mg.SpecError, match=r'target body "ball".*put mujoco_grasp\.weld_xml\(target\) at the end'):
+            mg.Grasps(model, data, "ball", limits=limits)
+    weld = mg.weld_xml("ball").replace('active="false"', "")
+    model = mujoco.MjModel.from_xml_string(GRIPPER.read_text().replace("</mujoco>", f"{weld}</mujoco>"))
+    with pytest.raises(mg.SpecError, match=r"see mujoco_grasp\.weld_xml"):
+        mg.Grasps(model, mujoco.MjData(model), "ball", limits="box")
+
+
+def test_handles_of_one_grasp_are_equal():
+    model, data, grasps = gripper()
+    other = mg.Grasps(model, data, "ball")
+    grasps.add("ball")
+    assert grasps[0] == grasps[0] != grasps[1]
+    assert grasps[0] != other[0]
+    assert grasps[0] != "ball"
+    assert len({grasps[0], grasps[-2], grasps[1]}) == 2
+    assert grasps[1] in grasps
+    assert other[0] not in grasps
+    assert isinstance(grasps, collections.abc.Iterable)
+    assert list(grasps) == [grasps[0], grasps[1]]
+
+
+@pytest.mark.parametrize("limits", ["cones", "box"])
+def test_ctrl_c_ends_a_call_of_many_steps_after_a_whole_one(limits):
+    text = GRIPPER.read_text().replace("</mujoco>", mg.weld_xml("ball") + "</mujoco>")
+    model = mujoco.MjModel.from_xml_string(text)
+
+    def held(n):
+        data = mujoco.MjData(model)
+        grasps = mg.Grasps(model, data, "ball", limits=limits)
+        data.ctrl[:] = [0.0, 0.01, 0.01]
+        for _ in range(250):
+            grasps.step()
+        assert grasps[0].is_grasped
+        grasps.step(n)
+        return data, grasps
+
+    raised = []
+
+    def handler(*_):
+        raised.append(grasps[0].quality)  # a handler may read
+        raise KeyboardInterrupt
+
+    data, grasps = held(1)
+    before, start = signal.signal(signal.SIGALRM, handler), time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            grasps.step(10**9)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - start < 5
+    assert len(raised) == 1
+    # as after a call of so many steps in one part, which other threads make
+    n = round((data.time - 0.502) / model.opt.timestep)
+    assert n > 100
+    whole = []
+    thread = threading.Thread(target=lambda: whole.extend(held(1)))
+    thread.start()
+    thread.join()
+    thread = threading.Thread(target=whole[1].step, args=(n,))
+    thread.start()
+    thread.join()
+    assert whole[0].time == data.time
+    assert np.array_equal(whole[0].qpos, data.qpos)
+    assert np.array_equal(whole[0].qvel, data.qvel)
+    assert np.array_equal(whole[0].cfrc_ext, data.cfrc_ext)
+    assert whole[1].whole_steps == grasps.whole_steps
+    grasps.step(10)
+
+
+def test_a_child_of_a_fork_goes_on():
+    out = in_another_process(
+        "import os, signal, mujoco, mujoco_grasp as mg\n"
+        f"model = mujoco.MjModel.from_xml_path({str(GRIPPER)!r})\n"
+        "batch = mg.Batch(model, 4, 'ball', threads=2)\n"
+        "batch.step(5)\n"
+        "mg.run('clutch', 'grasp', 'none')\n"
+        "child = os.fork()\n"
+        "if child == 0:\n"
+        "    signal.alarm(60)\n"
+        "    batch.step(5)\n"
+        "    report = mg.run('clutch', 'grasp', 'none')\n"
+        "    del batch\n"
+        "    print('child', report.runs[0].grasp.outcome, flush=True)\n"
+        "    os._exit(0)\n"
+        "assert os.waitpid(child, 0)[1] == 0\n"
+        "batch.step(5)\n"
+        "print(round(batch.time[0], 6))"
+    )
+    assert out.splitlines() == ["child held", "0.02"]
 
 
 def test_states_of_others():

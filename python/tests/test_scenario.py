@@ -72,10 +72,15 @@ def test_agree_tells_the_same_story():
         (lambda: mg.run("clutsh"), "built in are"),
         (lambda: mg.run("clutch", "ful"), '"full", "grasp" or "both"'),
         (lambda: mg.run("clutch", push="fp9"), "fp1"),
-        (lambda: mg.run("clutch", duration=-1.0), "duration"),
-        (lambda: mg.run("clutch", frozen_tolerance=float("nan")), "NaN"),
+        (lambda: mg.run("clutch", duration=-1.0), "^duration is -1"),
+        (lambda: mg.run("clutch", frozen_tolerance=float("nan")), "^frozen_tolerance is NaN"),
         (lambda: mg.agree("clutch", trials=0), "from 1 to"),
-        (lambda: mg.bench("clutch", steps=0), "at least 1"),
+        (lambda: mg.bench("clutch", steps=0), "^steps is 0; .* from 1 to"),
+        (lambda: mg.bench("clutch", substeps=-1), "^substeps is -1"),
+        (lambda: mg.run("clutch", noslip=-1), "^noslip is -1"),
+        (lambda: mg.run("clutch", noslip=1.5), "^noslip is 1.5"),
+        (lambda: mg.agree("clutch", trials=-1), "^trials is -1"),
+        (lambda: mg.agree("clutch", seed=-1), "^seed is -1"),
     ],
 )
 def test_bad_input_is_an_error(call, says):

@@ -32,14 +32,16 @@ def test_a_sweep_tells_which_grasps_survive(whole, tmp_path):
     assert report.latched_share.median > 0.95
     first = mg.sweep(SPEC, tmp_path, (0, 2))
     assert (first.grasps, first.tested) == (48, 48)
+    assert mg.sweep(SPEC, tmp_path, "0/2").tested == 0
     rest = mg.sweep(SPEC, tmp_path)
     assert (rest.grasps, rest.tested, rest.verdicts) == (96, 48, report.verdicts)
     assert files(tmp_path) == parts
 
 
 def test_bad_input_is_a_scenario_error(tmp_path):
-    with pytest.raises(mg.ScenarioError, match=r"--shard.*from 0 to N - 1"):
-        mg.sweep(SPEC, tmp_path, (2, 2))
+    for shard in [(2, 2), (-1, 2), "2/2", "0", (0, 2, 3), (0,), 5, (0.0, 2), ("a", "b")]:
+        with pytest.raises(mg.ScenarioError, match=r"^shard is .*from 0 to N - 1"):
+            mg.sweep(SPEC, tmp_path, shard)
     with pytest.raises(mg.ScenarioError, match="mode"):
         mg.sweep(SPEC, tmp_path, mode="both")
     with pytest.raises(mg.ScenarioError, match=r"none\.toml"):
