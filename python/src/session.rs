@@ -78,10 +78,7 @@ impl Session {
 
     /// All grasps are as when they were added.
     pub fn reset(&mut self) {
-        for grasp in self.grasps.iter_mut() {
-            grasp.allow_latch(true);
-            grasp.release();
-        }
+        self.grasps.reset();
         self.clocks.fill(Clock::default());
         self.forget_time();
     }

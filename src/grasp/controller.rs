@@ -193,6 +193,16 @@ impl Grasp {
         self.forget();
     }
 
+    /// As when it was made.
+    pub(super) fn reset(&mut self) {
+        self.machine.allow_latch(true);
+        self.release();
+        self.set = ContactSet::default();
+        self.status = SolveStatus::default();
+        self.live.clear();
+        self.gram = Gram::new(Vector3::zeros(), 0.0);
+    }
+
     /// What the solver remembers of the last step means nothing in a later latch.
     fn forget(&mut self) {
         self.stamp = None;

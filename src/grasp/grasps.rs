@@ -144,6 +144,19 @@ impl Grasps {
         }
     }
 
+    /// All grasps are as when they were added: ungrasped, allowed to latch, with nothing counted or remembered. For a simulation
+    /// that begins anew, which then goes as the first time.
+    pub fn reset(&mut self) {
+        self.list.iter_mut().for_each(Grasp::reset);
+        self.forget_geometry();
+    }
+
+    /// What was found out of how far things are apart would decide which of the next steps are whole.
+    fn forget_geometry(&mut self) {
+        self.frozen.forget();
+        self.detector = Detector::default();
+    }
+
     /// Goes back to a saved state, of these grasps or of others that were made with the same specs in another simulation of
     /// the same model, be it in another process. [`Grasp::contacts`] are empty and [`Grasp::quality`] is 0 until the next
     /// step.
@@ -161,6 +174,7 @@ impl Grasps {
         for (grasp, state) in self.list.iter_mut().zip(&state.grasps) {
             grasp.restore(state);
         }
+        self.forget_geometry();
         Ok(())
     }
 

@@ -345,3 +345,61 @@ fn two_hands_on_one_object_go_on_alike() {
         assert!(run(&mut sim, &mut grasps, k, k + 150) == replay, "from step {k}");
     }
 }
+
+/// A gripper closes on a box on a table and lifts it.
+const LIFT: &str = r#"<mujoco><option cone="elliptic" noslip_iterations="10"/>
+  <default><geom condim="4" friction="1 .01 .001"/></default><worldbody>
+  <geom name="tabletop" type="box" size=".2 .2 .1" pos="0 0 .1"/>
+  <body name="arm" pos="0 0 .45"><joint name="z" type="slide" axis="0 0 1" damping="100"/>
+    <geom type="box" size=".08 .03 .02" mass="1"/>
+    <body pos="-.05 0 -.1"><joint name="f1" type="slide" axis="1 0 0" damping="20" limited="true" range="0 .05"/>
+      <geom type="box" size=".006 .012 .04" mass=".1"/></body>
+    <body pos=".05 0 -.1"><joint name="f2" type="slide" axis="-1 0 0" damping="20" limited="true" range="0 .05"/>
+      <geom type="box" size=".006 .012 .04" mass=".1"/></body></body>
+  <body name="box" pos="0 0 .2305"><freejoint/><geom type="box" size=".02 .025 .03" mass=".2"/></body></worldbody>
+  <actuator><position joint="z" kp="3000"/><position joint="f1" kp="800"/><position joint="f2" kp="800"/></actuator></mujoco>"#;
+
+/// How far things were apart was remembered, and decided which steps were whole.
+#[test]
+fn after_a_reset_or_a_restore_several_steps_a_call_are_the_same_each_time() {
+    let model = Model::from_xml_string(LIFT).expect("a model");
+    let mut sim = Simulation::new(&model).expect("a simulation");
+    let spec = GraspSpec::new(model.body("box").expect("a box"), model.body("arm").expect("an arm"));
+    let mut grasps = Grasps::of(&sim, &spec).expect("a grasp");
+    let steps = |sim: &mut Simulation, grasps: &mut Grasps, until: f64| {
+        let mut log = Vec::new();
+        while sim.time() < until {
+            let time = sim.time();
+            let lift = if time < 0.4 { -0.095 * time / 0.4 } else { -0.095 + (0.2 * (time - 0.8)).clamp(0.0, 0.15) };
+            let grip = (0.2 * (time - 0.45)).clamp(0.0, 0.04);
+            sim.ctrl_mut().copy_from_slice(&[lift, grip, grip]);
+            grasps.steps(sim, 10).expect("steps");
+            log.push(bits(sim, grasps));
+        }
+        log
+    };
+    let (state, saved) = (sim.save(), grasps.save());
+    let mut first = None;
+    for episode in 0..4 {
+        sim.restore(&state).expect("a state");
+        if episode % 2 == 0 {
+            grasps.reset()
+        } else {
+            grasps.restore(&saved).expect("a state")
+        }
+        let before = grasps.frozen_steps();
+        let log = steps(&mut sim, &mut grasps, 1.3);
+        assert_eq!(grasps[GraspId::FIRST].phase(), Phase::Grasped);
+        assert!(grasps.frozen_steps() > before + 150, "{} frozen", grasps.frozen_steps() - before);
+        assert_same("episode", episode, first.get_or_insert_with(|| log.clone()), &log);
+    }
+    // in the midst of it
+    let (state, saved) = (sim.save(), grasps.save());
+    let mut first = None;
+    for replay in 0..3 {
+        sim.restore(&state).expect("a state");
+        grasps.restore(&saved).expect("a state");
+        let log = steps(&mut sim, &mut grasps, 1.6);
+        assert_same("replay", replay, first.get_or_insert_with(|| log.clone()), &log);
+    }
+}
