@@ -103,12 +103,13 @@ class Grasps:
 
         Raises:
             DivergedError, BufferFullError, BadControlError: The step was made as `mj_step` makes it; those left of `n` were
-                not.
+                not. While a grasp is latched, a load or a model with a bad number is a DivergedError and the step is not
+                made: put it right and go on.
             EngineError: A fault inside MuJoCo. The step was not finished.
             ResetError: The data has gone back in time under a latched grasp, and `reset` or `restore` was not called.
             BusyError: Another thread is stepping this data.
-            ModelError: Memory has moved, or a callback is set that a latched step would leave out (`mjcb_control`,
-                `mjcb_contactfilter`).
+            ModelError: Memory has moved, or one of MuJoCo's callbacks is set (all but `mjcb_time`), which would be left out or
+                called with a model that it does not know.
         """
 
     def substep(self) -> None:

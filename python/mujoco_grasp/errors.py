@@ -58,7 +58,8 @@ class EngineError(Error, RuntimeError):
 
 
 class DivergedError(Error, ArithmeticError):
-    """A bad number. Where MuJoCo met it, the data was reset to its initial configuration, as by `mj_step`."""
+    """A bad number. Where MuJoCo met it, the data was reset to its initial configuration, as by `mj_step`; where a latched grasp
+    met it first, the step was not made, and can be once the number is put right."""
 
 
 class BufferFullError(Error, RuntimeError):

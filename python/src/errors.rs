@@ -59,7 +59,7 @@ pub fn of_grasp(error: grasp::Error) -> PyErr {
     match error {
         E::Engine(error) => of_engine(error),
         E::NoSuchBody { .. } => UnknownNameError::new_err(text),
-        E::Diverged { .. } | E::BadContact { .. } => DivergedError::new_err(text),
+        E::Diverged { .. } | E::BadAcceleration { .. } | E::BadContact { .. } => DivergedError::new_err(text),
         E::OtherState { .. } | E::BadState(_) => StateError::new_err(text),
         E::OtherModel { .. } | E::Integrator | E::WeldRows { .. } => ModelError::new_err(text),
         _ => SpecError::new_err(text),

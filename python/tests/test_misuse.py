@@ -130,17 +130,51 @@ def test_a_grasp_kept_after_a_reset():
     assert data.time == pytest.approx(0.002)
 
 
-def test_a_callback_that_a_latched_step_would_leave_out():
+@pytest.mark.parametrize("name", ["control", "contactfilter", "passive", "sensor", "act_dyn", "act_gain", "act_bias"])
+def test_a_callback_is_refused(name):
+    """Some would be left out, and the others be called with a model that Python does not know, which ended the interpreter."""
     _, data, grasps = latched()
-    mujoco.set_mjcb_control(lambda m, d: None)
+    setter = getattr(mujoco, f"set_mjcb_{name}")
+    setter(lambda *_: 0)
     try:
-        with pytest.raises(mg.ModelError, match="mjcb_control is set"):
+        with pytest.raises(mg.ModelError, match=f"mjcb_{name} is set"):
             grasps.step()
     finally:
-        mujoco.set_mjcb_control(None)
+        setter(None)
     before = data.time
     grasps.step()
     assert data.time > before
+
+
+@pytest.mark.parametrize("n", [1, 10])
+def test_a_bad_load_is_named_and_does_not_stay(n):
+    model, data, grasps = latched()
+    grasps.step(10)
+    time, load = data.time, data.xfrc_applied[model.body("ball").id]
+    for bad, text in ((np.nan, r"xfrc_applied\[\d+\] is NaN"), (1e300, "a load that is too large")):
+        load[0] = bad
+        with pytest.raises(mg.DivergedError, match=text):
+            grasps.step(n)
+        assert data.time == time
+        load[0] = 0
+        grasps.step(n)
+        assert grasps[0].is_grasped
+        time = data.time
+
+
+def test_episodes_after_a_reset_are_alike():
+    model, data, grasps = gripper()
+    start, episodes = data.ctrl.copy(), []
+    for _ in range(3):
+        mujoco.mj_resetData(model, data)
+        grasps.reset()
+        data.ctrl[:] = start
+        for _ in range(60):
+            grasps.step(10)
+        assert grasps[0].is_grasped
+        episodes.append(np.concatenate([data.qpos, data.qvel]))
+    assert np.array_equal(episodes[0], episodes[1])
+    assert np.array_equal(episodes[1], episodes[2])
 
 
 def test_a_model_that_is_not_served():
