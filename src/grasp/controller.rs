@@ -66,7 +66,8 @@ impl Grasp {
         if let Some(&e) = named.iter().find(|e| is_ancestor(parents, spec.target.index(), e.index())) {
             return Err(Error::EffectorIsTarget(name(e)));
         }
-        if let Some(&e) = named.iter().find(|e| !is_ancestor(parents, palm.index(), e.index())) {
+        let outside = |e: &&BodyId| **e == BodyId::WORLD || !is_ancestor(parents, palm.index(), e.index());
+        if let Some(&e) = named.iter().find(outside) {
             return Err(Error::EffectorOutsideHand { effector: name(e), palm: name(palm) });
         }
         let tree = Tree {
@@ -94,7 +95,11 @@ impl Grasp {
             named
         };
         if links.is_empty() {
-            return Err(Error::NoEffectors(name(palm)));
+            return Err(if palm == BodyId::WORLD {
+                Error::WorldWithoutEffectors
+            } else {
+                Error::NoEffectors(name(palm))
+            });
         }
         let merged = match spec.limits {
             Limits::Cones => None,

@@ -10,11 +10,11 @@ pub enum Error {
     #[error(transparent)]
     Engine(#[from] crate::mujoco::Error),
     /// An effector is the target itself.
-    #[error("effector \"{0}\" is the target (or a part of it); effectors are links of the hand that touch the target")]
+    #[error("the effector {0} is the target (or a part of it); effectors are links of the hand that touch the target")]
     EffectorIsTarget(String),
     /// The target is a part of the hand's own kinematic tree.
     #[error(
-        "target \"{target}\" belongs to the same kinematic tree as the palm \"{palm}\"; a target must be a body of its own, for example with a free joint"
+        "the target {target} belongs to the same kinematic tree as the palm {palm}; a target must be a body of its own, for example with a free joint"
     )]
     TargetInHand {
         /// Name of the target.
@@ -23,11 +23,11 @@ pub enum Error {
         palm: String,
     },
     /// The target cannot move.
-    #[error("target \"{0}\" is static: it has no joint, so nothing can hold or drop it; give it a free joint")]
+    #[error("the target {0} is static: it has no joint, so nothing can hold or drop it; give it a free joint")]
     StaticTarget(String),
     /// An effector does not hang from the palm.
     #[error(
-        "effector \"{effector}\" does not lie below the palm \"{palm}\"; name a common ancestor of all effectors as the palm, or leave the palm out"
+        "the effector {effector} does not lie below the palm {palm}; name a common ancestor of all effectors as the palm, or leave the palm out"
     )]
     EffectorOutsideHand {
         /// Name of the effector.
@@ -36,8 +36,25 @@ pub enum Error {
         palm: String,
     },
     /// No link could hold the target.
-    #[error("no effectors: the palm \"{0}\" has no link below it with a geom; name the effectors, or another palm")]
+    #[error("no effectors: the palm {0} has no link below it with a geom; name the effectors, or another palm")]
     NoEffectors(String),
+    /// The world is the palm of fingers that stand on it, and none are named.
+    #[error("no effectors: with the world as the palm, name the links that may hold the target")]
+    WorldWithoutEffectors,
+    /// Two grasps of one target have a link in common.
+    #[error(
+        "{link} is in the hand of another grasp of the target {target} already (grasp {grasp}, palm {palm}); a link may belong to one grasp of a target: give each of them a hand of its own, with palms none of which is above the other, or leave one of them out"
+    )]
+    SharedLink {
+        /// Label of the first link that both hands have.
+        link: String,
+        /// Label of the target.
+        target: String,
+        /// The other grasp's place in the order in which they were added, from 0.
+        grasp: usize,
+        /// Label of its palm.
+        palm: String,
+    },
     /// Neither palm nor effectors are given, and nothing looks like a hand.
     #[error(
         "neither a palm nor effectors are given, and no hand is found: nothing that actuators or mocap bodies drive has two fingers that can touch the target; name the palm or the effectors"

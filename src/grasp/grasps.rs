@@ -9,7 +9,7 @@ use super::settings::Settings;
 use super::spec::GraspSpec;
 use super::state::{GraspsState, Structure};
 use super::weld::bounded_rows::BoundedRows;
-use crate::mujoco::Simulation;
+use crate::mujoco::{BodyId, Simulation};
 use std::ops::{Index, IndexMut};
 
 /// All grasps of a simulation, to be stepped with it; see [`step`](Self::step).
@@ -69,13 +69,26 @@ impl Grasps {
     /// # Errors
     /// A simulation of another model than that of the grasps before. Bodies that the model does not have; no hand or
     /// several, where neither palm nor effectors are given; a target that is static or part of the hand; effectors that are
-    /// the target or outside the hand; thresholds that are not positive and ordered; times that are negative or not finite;
+    /// the target or outside the hand; a hand that shares a link with that of another grasp of the same target; thresholds that are not positive and ordered; times that are negative or not finite;
     /// an integrator whose step cannot be taken apart (RK4).
     pub fn add(&mut self, sim: &Simulation, spec: &GraspSpec) -> Result<GraspId, Error> {
         self.check_model(sim)?;
-        self.list.push(Grasp::new(sim, spec)?);
+        let grasp = Grasp::new(sim, spec)?;
+        self.check_shares_no_link(sim, &grasp)?;
+        self.list.push(grasp);
         self.model.get_or_insert_with(|| (sim.model().origin(), Structure::of(sim.model())));
         Ok(GraspId(self.list.len() - 1))
+    }
+
+    /// What two grasps of a target both hold it by would be divided between them at random.
+    fn check_shares_no_link(&self, sim: &Simulation, grasp: &Grasp) -> Result<(), Error> {
+        let shared = |(index, other): (usize, &Grasp)| {
+            let link = other.topology().shared_with(grasp.topology())?;
+            Some((index, other.palm(), BodyId::from_index(link)))
+        };
+        let Some((index, palm, link)) = self.list.iter().enumerate().find_map(shared) else { return Ok(()) };
+        let [link, target, palm] = [link, grasp.target(), palm].map(|body| sim.model().label(body));
+        Err(Error::SharedLink { link, target, grasp: index, palm })
     }
 
     /// Number of grasps.

@@ -80,7 +80,12 @@ pub fn bench(plan: &Plan, steps: usize, substeps: usize, progress: &dyn Fn(u64))
     let ik_us = ik_cost(&held)?;
     let latched = held.grasp().phase() == Phase::Grasped;
     let reference = full_at_measure(plan, Options::default())?;
-    let onset_factor = plan.pushes.first().and_then(|push| onset(&reference, plan, push));
+    let no_onset = |push: &Push, why| format!("push {} has no onset: {why}", push.name);
+    let found = match plan.pushes.first() {
+        Some(push) => onset(&reference, plan, push).map_err(|why| no_onset(push, why)),
+        None => Err("the scenario has no push".to_owned()),
+    };
+    let onset_factor = found.as_ref().ok().copied();
     plan.stop.check()?;
     progress(1);
     let (sim, grasps) = held.into_parts();
@@ -99,6 +104,7 @@ pub fn bench(plan: &Plan, steps: usize, substeps: usize, progress: &dyn Fn(u64))
         nv: plan.model.nv(),
         still,
         pushed,
+        not_pushed: found.err(),
         ik_us,
         onset_factor,
         latched,

@@ -19,13 +19,15 @@ use super::plan::Plan;
 use super::press::{Press, finger_actuators};
 use super::runner::{Mode, Runner};
 use super::trajectory::{Sample, Trajectory};
-use crate::grasp::DEFAULT_LATCH_TIME;
-use crate::grasp::RELEASE_PER_LATCH;
+use crate::grasp::spec::weight;
+use crate::grasp::{DEFAULT_LATCH_TIME, RELEASE_PER_LATCH};
 
 /// Halvings of the border between two neighbouring strengths: half powers of two are then 1 % apart.
 pub const BISECTIONS: usize = 5;
 /// See the module.
 pub const RELEASE_SHARE: f64 = RELEASE_PER_LATCH;
+/// A quality below this share of the target's weight holds nothing: it is 0 but for rounding.
+const NO_QUALITY: f64 = 1e-6;
 /// Quality at rest is the median over the end of a run \[s\].
 const AT_REST: f64 = 0.5;
 /// A hand opens in this time \[s\].
@@ -40,6 +42,9 @@ pub struct Calibration {
     pub release_quality: Option<f64>,
     /// Quality when the target slipped from a firm hand that opened slowly \[N\].
     pub slip_quality: Option<f64>,
+    /// Whether the target was held with quality 0: something else carries it, and there is no threshold.
+    #[serde(skip)]
+    pub carried: bool,
     /// What the hand's strength is given in.
     pub press: &'static str,
     /// Every strength, from the weakest.
@@ -79,10 +84,12 @@ pub fn calibrate(plan: &Plan, progress: &(dyn Fn() + Sync)) -> Result<Calibratio
         latch_quality: None,
         release_quality: None,
         slip_quality: None,
+        carried: false,
         press: press.unit(),
         tried: Vec::new(),
     };
     if let Some((first, last)) = longest_held(&tried) {
+        let no_quality = NO_QUALITY * weight(&plan.model, plan.grasps[0].target);
         let reached = (first..=last).rev().find(|&i| press.is_done(tried[i].strength, tried[i].quality));
         let firm = tried[reached.unwrap_or(first)].strength;
         let mut least = tried[first].clone();
@@ -93,11 +100,14 @@ pub fn calibrate(plan: &Plan, progress: &(dyn Fn() + Sync)) -> Result<Calibratio
             tried.push(middle.clone());
             if middle.held { least = middle } else { below = Some(middle) }
         }
-        calibration.slip_quality = slip_while_opening(&press.apply(&at_rest, firm))?;
+        calibration.carried = least.quality <= no_quality;
+        if !calibration.carried {
+            calibration.slip_quality = slip_while_opening(&press.apply(&at_rest, firm))?;
+            let firm_enough = calibration.slip_quality.map_or(least.quality, |slip| slip.min(least.quality));
+            calibration.latch_quality = Some(least.quality);
+            calibration.release_quality = Some(RELEASE_SHARE * firm_enough);
+        }
         progress();
-        let firm_enough = calibration.slip_quality.map_or(least.quality, |slip| slip.min(least.quality));
-        calibration.latch_quality = Some(least.quality);
-        calibration.release_quality = Some(RELEASE_SHARE * firm_enough);
     }
     tried.sort_by(|a, b| a.strength.total_cmp(&b.strength));
     calibration.tried = tried;

@@ -24,6 +24,14 @@ pub enum Error {
         /// Why.
         source: std::io::Error,
     },
+    /// A model was given in the place of a scenario.
+    #[error(
+        "{}: is XML, as an MJCF is; give a scenario file: TOML that names the MJCF as its `model` (docs/reference.md)", file.display()
+    )]
+    Mjcf {
+        /// The file.
+        file: PathBuf,
+    },
     /// The spec of a sweep cannot be read.
     #[error("{}: cannot be read: {source}; give the path of a sweep's spec", file.display())]
     Spec {
@@ -139,6 +147,7 @@ impl Error {
         match self {
             Self::Unknown { .. }
             | Self::Read { .. }
+            | Self::Mjcf { .. }
             | Self::Spec { .. }
             | Self::Part { .. }
             | Self::Recording { .. }

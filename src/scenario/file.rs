@@ -55,7 +55,7 @@ pub struct GraspEntry {
     pub target: String,
     /// Links that may hold it; left out: every link below the palm.
     #[serde(default)]
-    pub effectors: Vec<String>,
+    pub effectors: Option<Vec<String>>,
     /// Base of the fingers; left out: the lowest common ancestor of the effectors, or the only hand that can touch the target.
     #[serde(default)]
     pub palm: Option<String>,
@@ -195,6 +195,11 @@ impl ScenarioFile {
 }
 
 impl GraspEntry {
+    /// Links that are named.
+    pub fn effectors(&self) -> &[String] {
+        self.effectors.as_deref().unwrap_or_default()
+    }
+
     /// Which of x, y, z, rx, ry, rz may slip in the box form.
     pub fn relaxed(&self) -> [bool; 6] {
         let Some(axes) = &self.relaxed else {
@@ -233,14 +238,14 @@ pub(super) fn distinct<'a>(names: &mut BTreeSet<&'a str>, field: Field, name: &'
 }
 
 pub(super) fn finite(field: Field, value: f64) -> Result<(), Error> {
-    if value.is_finite() { Ok(()) } else { Err(field.wrong(format!("is {value}; it must be a finite number"))) }
+    if value.is_finite() { Ok(()) } else { Err(field.wrong(format!("is {value:?}; it must be a finite number"))) }
 }
 
 pub(super) fn positive(field: Field, value: f64) -> Result<(), Error> {
     if value.is_finite() && value > 0.0 {
         Ok(())
     } else {
-        Err(field.wrong(format!("is {value}; it must be a finite number above 0")))
+        Err(field.wrong(format!("is {value:?}; it must be a finite number above 0")))
     }
 }
 
@@ -248,15 +253,35 @@ pub(super) fn non_negative(field: Field, value: f64) -> Result<(), Error> {
     if value.is_finite() && value >= 0.0 {
         Ok(())
     } else {
-        Err(field.wrong(format!("is {value}; it must be a finite number, 0 or above")))
+        Err(field.wrong(format!("is {value:?}; it must be a finite number, 0 or above")))
     }
 }
 
+/// A file's name has 255 bytes at most, and to some a program adds `contacts-`, `.grasp12.csv` and what marks it as unfinished.
+const LONGEST_NAME: usize = 200;
+
 /// Names of scenarios and pushes become names of folders and files.
 pub(super) fn file_name(field: Field, name: &str) -> Result<(), Error> {
-    let bad = |c: char| c == '/' || c == '\\' || c.is_control();
-    if name.trim().is_empty() || name == "." || name == ".." || name.contains(bad) {
-        return Err(field.wrong(format!("is {name:?}; it names files, so it must not be empty and hold no / or \\")));
-    }
-    Ok(())
+    let problem = match name {
+        _ if name.trim().is_empty() => "so it must not be empty".to_owned(),
+        "." | ".." => "and this one is a folder's own or its parent; give another".to_owned(),
+        _ if name.contains(['/', '\\']) => "so it must hold no / or \\".to_owned(),
+        _ if name.contains(char::is_control) => "so it must hold no line break or other control character".to_owned(),
+        _ if name.len() > LONGEST_NAME => {
+            let length = name.len();
+            return Err(field.wrong(format!("is {length} bytes long; it names files, so {LONGEST_NAME} is the most")));
+        }
+        _ => return Ok(()),
+    };
+    Err(field.wrong(format!("is {name:?}; it names files, {problem}")))
+}
+
+/// Beyond this the contacts of the last whole step say little of where anything is now \[rad\].
+const LARGEST_FROZEN_TOLERANCE: f64 = 0.1;
+
+/// What is wrong with a frozen tolerance, and what would be right.
+pub(super) fn wrong_frozen_tolerance(angle: f64) -> Option<&'static str> {
+    (!(0.0..=LARGEST_FROZEN_TOLERANCE).contains(&angle)).then_some(
+        "it must be from 0 to 0.1 rad: what turns further between two whole steps has left the contacts that are held still",
+    )
 }

@@ -38,13 +38,22 @@ pub fn outcome(start: &Runner, plan: &Plan, push: &Push) -> Outcome {
 }
 
 /// The smallest factor by which `push` is multiplied that is not held, by bisection to [`ACCURACY`], from a runner at
-/// `measure_from`. `None`: a push of no size, or held (or not held) as far as the search goes.
-pub fn onset(start: &Runner, plan: &Plan, push: &Push) -> Option<f64> {
-    let size = push.force.norm().max(push.torque.norm());
-    if size == 0.0 {
-        return None;
+/// `measure_from`.
+///
+/// # Errors
+/// Why there is none: a push of no size, or held (or not held) as far as the search goes.
+pub fn onset(start: &Runner, plan: &Plan, push: &Push) -> Result<f64, &'static str> {
+    if push.force.norm().max(push.torque.norm()) == 0.0 {
+        return Err("it has neither force nor torque");
     }
-    smallest_not_held(Search::from(1.0), ACCURACY, |factor| outcome(start, plan, &push.scaled(factor)) == Outcome::Held)
+    let ends = |factor| outcome(start, plan, &push.scaled(factor));
+    let found = smallest_not_held(Search::from(1.0), ACCURACY, |factor| ends(factor) == Outcome::Held);
+    found.ok_or_else(|| match ends(0.0) {
+        Outcome::Lost => "the target is lost even without a push",
+        Outcome::Slid => "the target slides even without a push",
+        Outcome::Held if ends(1.0) == Outcome::Held => "it is held up to 1024 times its size",
+        Outcome::Held => "it is not held even at a 1024th of its size",
+    })
 }
 
 /// Where a search begins, and how far its first stride goes.

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::actuator;
 use super::control::Entry;
 use super::error::{Error, Field};
-use super::file::{GraspEntry, ScenarioFile, Timeline};
+use super::file::{GraspEntry, ScenarioFile, Timeline, wrong_frozen_tolerance};
 use super::source::Source;
 use super::stop::Stop;
 use crate::grasp::{FROZEN_TOLERANCE, GraspSpec, Limits, weld_xml};
@@ -185,18 +185,18 @@ impl Plan {
             stop,
         };
         plan.check_timestep()?;
+        plan.check_pushes()?;
         Ok(plan)
     }
 
     /// The same plan with another frozen tolerance, if one is given \[rad\].
     ///
     /// # Errors
-    /// One that is negative or not finite.
+    /// One that is negative, too large or not finite.
     pub fn with_frozen_tolerance(mut self, angle: Option<f64>) -> Result<Self, Error> {
         if let Some(angle) = angle {
-            if !(angle.is_finite() && angle >= 0.0) {
-                let (option, value) = ("--frozen-tolerance", angle.to_string());
-                return Err(Error::Option { option, value, expected: "it must be an angle in radians, at least 0" });
+            if let Some(expected) = wrong_frozen_tolerance(angle) {
+                return Err(Error::Option { option: "--frozen-tolerance", value: format!("{angle:?}"), expected });
             }
             self.frozen_tolerance = angle;
         }
@@ -231,15 +231,29 @@ impl Plan {
     pub(super) fn check_timestep(&self) -> Result<(), Error> {
         let (step, duration) = (self.model.timestep(), self.timeline.duration);
         let wrong = |rule: String| {
-            Err(Field::new(&self.file, "model").wrong(format!("has <option timestep=\"{step}\"/>; {rule}")))
+            Err(Field::new(&self.file, "model").wrong(format!("has <option timestep=\"{step:?}\"/>; {rule}")))
         };
         if !(step.is_finite() && step > 0.0) {
             return wrong("a time step must be a finite number above 0 [s]".to_owned());
         }
         if step > duration {
-            return wrong(format!("it must not be longer than the whole run, timeline.duration = {duration} s"));
+            return wrong(format!("it must not be longer than the whole run, timeline.duration = {duration:?} s"));
         }
         Ok(())
+    }
+
+    /// Refuses a push that no step feels.
+    fn check_pushes(&self) -> Result<(), Error> {
+        let step = self.model.timestep();
+        // a push is felt by the steps whose middle is in it; up to rounding
+        let is_seen = |push: &Push| (push.start / step - 0.5 - 1e-6).ceil() * step < push.end - 0.5 * step;
+        match self.pushes.iter().position(|push| !is_seen(push)) {
+            Some(i) => Err(Field::new(&self.file, &format!("push[{i}].duration")).wrong(format!(
+                "is {:?} s, and the middle of no step is in it: the model's time step is {step:?} s",
+                ((self.pushes[i].end - self.pushes[i].start) * 1e9).round() / 1e9
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// The same plan, `duration` seconds long.
@@ -249,7 +263,7 @@ impl Plan {
     pub fn lasting(mut self, duration: f64) -> Result<Self, Error> {
         let least = self.pushes.iter().map(|p| p.end).fold(self.timeline.measure_from(), f64::max);
         if !(duration.is_finite() && duration > least) {
-            let (option, value) = ("--duration", duration.to_string());
+            let (option, value) = ("--duration", format!("{duration:?}"));
             let expected = "it must be a number of seconds beyond measure_from and the end of every push";
             return Err(Error::Option { option, value, expected });
         }
@@ -267,7 +281,7 @@ impl Plan {
         }
         let finite = |p: &Push| p.force.iter().chain(&p.torque).all(|v| v.is_finite());
         if !(factor.is_finite() && self.pushes.iter().all(finite)) {
-            let (option, value) = ("--scale-push", factor.to_string());
+            let (option, value) = ("--scale-push", format!("{factor:?}"));
             return Err(Error::Option {
                 option,
                 value,

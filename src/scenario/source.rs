@@ -47,7 +47,7 @@ impl Source {
     /// A built-in scenario by its name, else a file by its path.
     ///
     /// # Errors
-    /// [`Error::Unknown`], [`Error::Read`].
+    /// [`Error::Unknown`], [`Error::Read`], [`Error::Mjcf`].
     pub fn find(scenario: &str) -> Result<Self, Error> {
         Self::find_in(Path::new(""), scenario)
     }
@@ -62,6 +62,7 @@ impl Source {
         }
         let path = folder.join(scenario);
         match std::fs::read_to_string(&path) {
+            Ok(text) if text.trim_start().starts_with('<') => Err(Error::Mjcf { file: path }),
             Ok(text) => Ok(Self { path, text: text.into(), builtin: None }),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 let known: Vec<&str> = builtin::ALL.iter().map(|b| b.name).collect();

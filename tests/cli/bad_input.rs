@@ -41,6 +41,18 @@ fn a_scenario_that_does_not_exist() {
 }
 
 #[test]
+fn a_model_in_the_place_of_a_scenario() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(folder.path(), &["run", &data("claw.xml")], &["claw.xml: is XML", "a scenario file", "`model`"]);
+}
+
+#[test]
+fn a_usage_error_in_json_is_the_bare_message() {
+    let called = call_in(&std::env::temp_dir(), &["run", &data("claw.toml"), "--frob", "--json"]);
+    assert!(called.json()["error"].as_str().unwrap().starts_with("unexpected argument"), "{}", called.stdout);
+}
+
+#[test]
 fn bad_usage() {
     let folder = tempfile::tempdir().unwrap();
     let claw = &data("claw.toml");
@@ -53,6 +65,10 @@ fn bad_usage() {
     refused(folder.path(), &["run", claw, "--rerun", "a.rrd"], &["--rerun is a.rrd", "--features rerun"]);
     refused(folder.path(), &["run", claw, "--duration", "2"], &["--duration", "measure_from"]);
     refused(folder.path(), &["run", claw, "--noslip", "5000"], &["--noslip", "5000"]);
+    refused(folder.path(), &["run", claw, "--noslip", "-1"], &["--noslip", "-1", "0..=1000"]);
+    refused(folder.path(), &["run", claw, "--duration", "-1"], &["--duration is -1", "measure_from"]);
+    refused(folder.path(), &["bench", claw, "--steps", "-1"], &["--steps", "-1", "not in 1.."]);
+    refused(folder.path(), &["run", claw, "--frozen-tolerance", "0.5"], &["--frozen-tolerance is 0.5", "0 to 0.1 rad"]);
     refused(folder.path(), &["run", claw, "--frob"], &["--frob"]);
     refused(folder.path(), &["run"], &["SCENARIO"]);
     refused(folder.path(), &["frobnicate"], &["frobnicate"]);

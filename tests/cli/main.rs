@@ -10,6 +10,7 @@ mod calibrate;
 mod documented;
 mod isolated;
 mod pointer;
+mod reasons;
 mod report;
 #[cfg(feature = "rerun")]
 mod rerun;

@@ -252,6 +252,18 @@ fn files_of_another_sweep_are_neither_taken_nor_overwritten() {
 }
 
 #[test]
+fn a_shard_without_grasps_is_not_one_that_did_not_latch() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = spec(folder.path(), ONE, PUSH);
+    let called = call_in(folder.path(), &["sweep", path.to_str().unwrap(), "--shard", "5/9"]);
+    assert!(
+        called.stderr.contains("the shard has no grasps") && !called.stderr.contains("latched"),
+        "{}",
+        called.stderr
+    );
+}
+
+#[test]
 fn bad_specs_are_told_what_would_be_right() {
     let folder = tempfile::tempdir().unwrap();
     let with = |set: &str| format!("[[grasp]]\nname = \"one\"\nset = {{ {set} }}\n");
@@ -266,16 +278,20 @@ fn bad_specs_are_told_what_would_be_right() {
         (ONE, "[[load]]\nname = \"l\"\nduration = 0\nforce = [1, 0, 0]\n", &["load[0].duration", "above 0"]),
         (ONE, "[[load]]\nname = \"l\"\nlength = 1\n", &["length", "unknown field"]),
         ("grasps_per_file = 2\n", PUSH, &["duplicate key"]),
-        (&with("\"joint:leftt\" = 1"), PUSH, &["joint:leftt is unknown", "left"]),
+        (&with("\"joint:leftt\" = 1"), PUSH, &["grasp[0].set.\"joint:leftt\" is unknown", "left"]),
         (&with("friction = \"high\""), PUSH, &["expected a number, a list of numbers"]),
         (&with("friction = []"), PUSH, &["set.\"friction\"", "empty list"]),
-        (&with("friction = { min = 2, max = 1 }"), PUSH, &["goes from 2 to 1"]),
+        (&with("friction = { min = 2, max = 1 }"), PUSH, &["goes from 2.0 to 1.0"]),
+        (&with("friction = [1, -1]"), PUSH, &["spec.toml: grasp[0].set.\"friction\" is -1.0", "0 or above"]),
+        (&with("strength = { min = -1, max = 1 }"), PUSH, &["grasp[0].set.\"strength\" is -1.0", "0 or above"]),
         ("[[grasp]]\nname = \"one\"\nsamples = 3", PUSH, &["grasp[0].samples", "min, max"]),
         ("[[grasp]]\nname = \"one\"\nkeyframes = [\"home\"]", PUSH, &["grasp[0].keyframes[0]", "home"]),
         ("[[grasp]]\nname = \"one\"\ntable = \"no.csv\"", PUSH, &["grasp[0].table", "no.csv"]),
     ] {
         refused(&spec(folder.path(), grasps, loads), &[], parts);
     }
+    let lost = spec_of(Path::new("nope.toml"), folder.path(), ONE, PUSH);
+    refused(&lost, &[], &["spec.toml: scenario is \"nope.toml\"", "built in are"]);
     let good = spec(folder.path(), ONE, PUSH);
     refused(&good, &["--shard", "2/2"], &["--shard", "2/2", "from 0 to N - 1"]);
     refused(&folder.path().join("none.toml"), &[], &["none.toml", "cannot be read"]);

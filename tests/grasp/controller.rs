@@ -170,6 +170,10 @@ fn bad_grasps_are_named() {
     assert!(message.contains("\"right\"") && message.contains("below"), "{message}");
     let message = rejected("ball", "right", &[], same);
     assert!(message.contains("no effectors"), "{message}");
+    let message = rejected("ball", "world", &[], same);
+    assert!(message.contains("name the links"), "{message}");
+    let message = rejected("ball", "world", &["world"], same);
+    assert!(message.contains("effector body \"world\" does not"), "{message}");
     let message = rejected("ball", "palm", &[], |s| s.latch_quality = Some(-1.0));
     assert!(message.contains("latch_quality") && message.contains("positive"), "{message}");
     let message = rejected("ball", "palm", &[], |s| {

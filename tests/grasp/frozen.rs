@@ -2,7 +2,7 @@
 
 use crate::bits::bits;
 use crate::claw::Claw;
-use mujoco_grasp::grasp::{FROZEN_TOLERANCE, GraspId, GraspSpec, Grasps, Limits, Phase};
+use mujoco_grasp::grasp::{FROZEN_TOLERANCE, GraspId, Grasps, Limits, Phase};
 use mujoco_grasp::mujoco::{PairCollider, Simulation};
 use mujoco_grasp::scenario::plan::Plan;
 use mujoco_grasp::scenario::runner::{Mode, Runner};
@@ -218,29 +218,6 @@ fn going_in_and_out_of_frozen_geometry_is_no_bump() {
         assert!(drift < 1e-9, "{load} N: {drift} m from where whole steps have come to in 40 s");
         assert!((energy - reference).abs() < 1e-9, "{load} N: {energy} J, not {reference}");
     }
-}
-
-/// The rows of the merged grasp were solved again in its place.
-#[test]
-fn cones_that_latch_after_a_merged_grasp_go_on_from_their_own_rows() {
-    let mut claw = Claw::closed_as("claw.xml", |_, spec| spec.limits = Limits::Rigid);
-    claw.run(0.2);
-    claw.grasps.steps(&mut claw.sim, 10).expect("steps");
-    assert!(claw.grasps.frozen_steps() > 0);
-    claw.grasps[GraspId::FIRST].release();
-    claw.grasps[GraspId::FIRST].allow_latch(false);
-    let (target, palm) = (claw.grasp().target(), claw.grasp().palm());
-    let cones = claw.grasps.add(&claw.sim, &GraspSpec::new(target, palm)).expect("a second grasp");
-    claw.run(0.5);
-    assert_eq!(claw.grasps[cones].phase(), Phase::Grasped);
-    let mut whole = claw.clone();
-    let before = claw.grasps.frozen_steps();
-    for _ in 0..20 {
-        claw.grasps.substep(&mut claw.sim).expect("a step");
-        whole.step();
-    }
-    assert!(claw.grasps.frozen_steps() > before);
-    assert!(apart(&claw.sim, &whole.sim) < 1e-6, "{} m", apart(&claw.sim, &whole.sim));
 }
 
 /// Friction losses with a noslip pass are for the engine's solver, and so is every step beside them.

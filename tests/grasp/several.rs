@@ -1,7 +1,7 @@
 //! Several grasps at once: each with its own phase, and all forces those of the engine's converged solve of the step.
 
 use crate::one_step;
-use mujoco_grasp::grasp::{GraspId, GraspSpec, Grasps, Phase, Snapshot};
+use mujoco_grasp::grasp::{Error, GraspId, GraspSpec, Grasps, Limits, Phase, Snapshot, weld_xml};
 use mujoco_grasp::mujoco::{Model, Simulation};
 use nalgebra::Vector3;
 
@@ -267,4 +267,75 @@ fn two_grasps_replay_bit_for_bit() {
             assert_eq!(bits(first.sim.qacc()), bits(second.sim.qacc()));
         }
     }
+}
+
+/// What two grasps of a target both had between hand and target, they divided between them.
+#[test]
+fn two_grasps_of_one_target_whose_hands_share_fingers_are_refused() {
+    let model = Model::from_xml_string(&two_hands_of_one_body("elliptic").0).expect("a model");
+    let sim = Simulation::new(&model).expect("a simulation");
+    let spec = |target: &str, palm: &str| {
+        let body = |name: &str| sim.model().body(name).expect("a body");
+        GraspSpec::new(body(target), body(palm))
+    };
+    for (first, second) in [("left", "left"), ("beam", "left"), ("left", "beam")] {
+        let mut grasps = Grasps::of(&sim, &spec("first", first)).expect("a grasp");
+        let error = grasps.add(&sim, &spec("first", second)).expect_err("shared fingers");
+        assert!(matches!(error, Error::SharedLink { grasp: 0, .. }), "{error}");
+        let message = error.to_string();
+        for part in
+            ["body \"left\" is in the hand", "target body \"first\"", &format!("grasp 0, palm body \"{first}\"")]
+        {
+            assert!(message.contains(part), "{part:?} is not in: {message}");
+        }
+        assert_eq!(grasps.len(), 1, "what is refused is not added");
+        grasps.add(&sim, &spec("second", second)).expect("another target");
+    }
+    let mut grasps = Grasps::of(&sim, &spec("first", "left")).expect("a grasp");
+    grasps.add(&sim, &spec("first", "right")).expect("another hand");
+}
+
+/// The rows of the merged grasp were solved again in its place.
+#[test]
+fn cones_that_latch_after_a_merged_grasp_go_on_from_their_own_rows() {
+    let (xml, _) = two_hands_on_a_bar("elliptic");
+    let xml = xml.replace("</mujoco>", &format!("{}</mujoco>", weld_xml("bar", Some("left"))));
+    let model = Model::from_xml_string(&xml).expect("a model");
+    let mut sim = Simulation::new(&model).expect("a simulation");
+    sim.set_noslip_iterations(0).expect("iterations");
+    let specs = ["left", "right"].map(|palm| {
+        let [bar, palm] = ["bar", palm].map(|name| sim.model().body(name).expect("a body"));
+        GraspSpec::new(bar, palm)
+    });
+    let mut grasps = Grasps::new();
+    let mut merged = specs[0].clone();
+    merged.limits = Limits::Rigid;
+    let [merged, cones] = [merged, specs[1].clone()].map(|spec| grasps.add(&sim, &spec).expect("a grasp"));
+    grasps[cones].allow_latch(false);
+    let send = |sim: &mut Simulation, fingers: &[&str], to: f64| {
+        for finger in fingers {
+            let actuator = sim.model().actuator(finger).expect("an actuator");
+            sim.ctrl_mut()[actuator.index()] = to;
+        }
+    };
+    send(&mut sim, &["left_a", "left_b", "right_a", "right_b"], CLOSED);
+    let mut hold = Hold { sim, grasps };
+    hold.run(0.6);
+    assert_eq!(hold.grasps[merged].phase(), Phase::Grasped);
+    hold.grasps.steps(&mut hold.sim, 10).expect("steps");
+    hold.grasps[merged].release();
+    hold.grasps[merged].allow_latch(false);
+    send(&mut hold.sim, &["left_a", "left_b"], -0.01);
+    hold.grasps[cones].allow_latch(true);
+    hold.run(2.0);
+    assert_eq!(hold.grasps[cones].phase(), Phase::Grasped);
+    let mut whole = Hold { sim: hold.sim.clone(), grasps: hold.grasps.clone() };
+    let before = hold.grasps.frozen_steps();
+    for _ in 0..20 {
+        hold.grasps.substep(&mut hold.sim).expect("a step");
+        whole.grasps.step(&mut whole.sim).expect("a step");
+    }
+    assert!(hold.grasps.frozen_steps() > before, "{:?}", Vec::from_iter(hold.grasps.whole_steps()));
+    let apart = hold.sim.qpos().iter().zip(whole.sim.qpos()).fold(0.0f64, |worst, (a, b)| worst.max((a - b).abs()));
+    assert!(apart < 1e-6, "{apart} m");
 }

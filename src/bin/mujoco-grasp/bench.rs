@@ -15,11 +15,11 @@ use crate::signals;
 pub struct Args {
     /// A built-in scenario's name, or the path of a scenario file.
     scenario: String,
-    /// Timed steps of each variant.
-    #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Timed steps of each variant, at least.
+    #[arg(long, default_value_t = 10_000, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
     /// Steps in one call, with controls held.
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 10, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
     substeps: u32,
     /// Bounds every grasp in this way, whatever the scenario says.
     #[arg(long, value_enum)]
@@ -42,8 +42,8 @@ pub fn bench(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     if !report.latched {
         complain("warning", "the grasp is not latched at measure_from: its steps are those of the full solve");
     }
-    if report.pushed.is_none() {
-        complain("warning", "no push makes the target slip: there is nothing to time for \"pushed\"");
+    if let Some(why) = &report.not_pushed {
+        complain("warning", &format!("{why}; there is nothing to time for \"pushed\""));
     }
     output.write(&report, || text(&report))?;
     Ok(ExitCode::SUCCESS)

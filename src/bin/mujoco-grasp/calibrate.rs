@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use mujoco_grasp::scenario::calibrate::{Calibration, calibrate as find, simulations};
 use mujoco_grasp::scenario::plan::Plan;
 
-use crate::output::{Output, complain, number, table};
+use crate::output::{Output, complain, significant, table};
 use crate::progress::Progress;
 use crate::signals;
 
@@ -24,7 +24,13 @@ pub fn calibrate(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     let calibration = find(&plan, &|| progress.advance(1));
     progress.finish();
     let calibration = calibration?;
-    if calibration.latch_quality.is_none() {
+    if calibration.carried {
+        complain(
+            "warning",
+            "the target is held with quality 0: something else carries it, as the ground does, and there is no threshold; \
+             have the hand lift it before measure_from",
+        );
+    } else if calibration.latch_quality.is_none() {
         complain("warning", "the target is not held at rest with any strength that was tried: there is no threshold");
     }
     output.write(&calibration, || text(&plan, &calibration))?;
@@ -35,14 +41,14 @@ fn text(plan: &Plan, calibration: &Calibration) -> String {
     let mut rows = vec![[calibration.press, "quality N", "held", "slip mm", ""].map(str::to_owned).to_vec()];
     for t in &calibration.tried {
         rows.push(vec![
-            format!("{:.4}", t.strength),
-            format!("{:.4}", t.quality),
+            significant(t.strength),
+            significant(t.quality),
             if t.held { "yes" } else { "no" }.to_owned(),
             if t.slip_m < 1.0 { format!("{:.3}", t.slip_m * 1e3) } else { "-".to_owned() },
             t.error.clone().unwrap_or_default(),
         ]);
     }
-    let newton = |value| number(value, 1.0, 4);
+    let newton = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), significant);
     format!(
         "{}: held at rest under gravity without slipping (1 mm)?\n\n{}\n\
          latch_quality = {}    # Q_Th, the least that holds\n\

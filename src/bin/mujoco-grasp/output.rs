@@ -98,7 +98,8 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     if std::env::args_os().any(|a| a == "--json") {
-        let message = error.to_string().trim().to_owned();
+        let message = error.to_string();
+        let message = message.trim_start_matches("error: ").trim();
         let _ = Output { json: true }.write(&json!({ "error": message }), String::new);
     }
     ExitCode::from(BAD_INPUT)
@@ -139,4 +140,9 @@ pub fn table(rows: &[Vec<String>]) -> String {
 /// `value * scale` with `digits` decimals; "-" for what does not exist.
 pub fn number(value: Option<f64>, scale: f64, digits: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{:.digits$}", v * scale))
+}
+
+/// Four decimals, and of a small number no fewer than four digits.
+pub fn significant(value: f64) -> String {
+    if value == 0.0 || value.abs() >= 0.1 { format!("{value:.4}") } else { format!("{value:.3e}") }
 }

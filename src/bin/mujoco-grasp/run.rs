@@ -38,10 +38,10 @@ pub struct Args {
     #[arg(long, value_name = "X", default_value_t = 1.0, allow_negative_numbers = true)]
     scale_push: f64,
     /// Scales each push to this share of the smallest that full mode does not hold (found by bisection).
-    #[arg(long, value_name = "X", conflicts_with = "scale_push")]
+    #[arg(long, value_name = "X", conflicts_with = "scale_push", allow_negative_numbers = true)]
     at_onset: Option<f64>,
     /// Length of the simulation, instead of the scenario's [s].
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Writes no plots and renders no frames.
     #[arg(long)]
@@ -58,7 +58,7 @@ pub struct Overrides {
     #[arg(long, value_enum)]
     limits: Option<LimitsArg>,
     /// Noslip iterations of MuJoCo's solver, all of them made, instead of the model's.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(..=1000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(..=1000))]
     noslip: Option<u16>,
     /// Angle by which anything may turn between two whole steps of a latched grasp [rad], instead of the scenario's; 0: every
     /// step is whole.
@@ -245,35 +245,38 @@ fn failures(pairs: &[Pair], wanted: usize) -> Vec<String> {
 /// Multiplies the selected pushes so that each is `share` of the smallest that full mode does not hold.
 fn scale_to_onset(plan: &mut Plan, share: f64, selection: &str, options: Options) -> anyhow::Result<AtOnset> {
     if !share.is_finite() {
-        let (option, value, expected) = ("--at-onset", share.to_string(), "it must be a finite number");
+        let (option, value, expected) = ("--at-onset", format!("{share:?}"), "it must be a finite number");
         return Err(Error::Option { option, value, expected }.into());
     }
     let selected: Vec<String> = plan.select_pushes(selection)?.into_iter().flatten().map(|p| p.name.clone()).collect();
     let progress = Progress::new(plan.pushes.len() as u64, "finding onsets");
     let start = full_at_measure(plan, options)?;
     let find = |start: &mut Runner, push: &Push| {
-        let factor = selected.contains(&push.name).then(|| onset(start, plan, push)).flatten();
+        let factor = selected.contains(&push.name).then(|| onset(start, plan, push));
         progress.advance(1);
         factor
     };
-    let factors: Vec<Option<f64>> = plan.pushes.par_iter().map_with(start, find).collect();
+    let factors: Vec<Option<Result<f64, &str>>> = plan.pushes.par_iter().map_with(start, find).collect();
     progress.finish();
     plan.stop.check()?;
     let mut pushes = Vec::new();
-    for (push, onset_factor) in plan.pushes.iter_mut().zip(factors).filter(|(p, _)| selected.contains(&p.name)) {
-        match onset_factor {
-            Some(factor) => *push = push.scaled(share * factor),
-            None => complain(
-                "warning",
-                &format!("push {}: no size of it is found that is not held; left as it is", push.name),
-            ),
+    for (push, factor) in plan.pushes.iter_mut().zip(factors).filter_map(|(push, found)| Some((push, found?))) {
+        let onset = factor.ok().map(|factor| push.scaled(factor));
+        match factor {
+            Ok(factor) => *push = push.scaled(share * factor),
+            Err(why) => complain("warning", &format!("push {} has no onset: {why}; left as it is", push.name)),
         }
-        let (force_n, torque_nm) = (push.force.into(), push.torque.into());
-        pushes.push(ScaledPush { push: push.name.clone(), onset_factor, force_n, torque_nm });
+        pushes.push(ScaledPush {
+            push: push.name.clone(),
+            onset_factor: factor.ok(),
+            onset: onset.map(|onset| [onset.force.norm(), onset.torque.norm()]),
+            force_n: push.force.into(),
+            torque_nm: push.torque.into(),
+        });
     }
     let finite = |p: &ScaledPush| p.force_n.iter().chain(&p.torque_nm).all(|v| v.is_finite());
     if !pushes.iter().all(finite) {
-        let (option, value) = ("--at-onset", share.to_string());
+        let (option, value) = ("--at-onset", format!("{share:?}"));
         return Err(Error::Option {
             option,
             value,

@@ -41,6 +41,9 @@ pub struct ScaledPush {
     pub push: String,
     /// The scenario's push times this is the smallest that full mode does not hold; `None`: not found, and left as it is.
     pub onset_factor: Option<f64>,
+    /// Force and torque of that \[N, N m\].
+    #[serde(skip)]
+    pub onset: Option<[f64; 2]>,
     /// As it is pushed.
     pub force_n: [f64; 3],
     /// As it is pushed.
@@ -101,12 +104,11 @@ fn onsets(found: &AtOnset) -> String {
         vec![["push", "onset, times the push", "N", "N m", "pushed with N", "N m"].map(str::to_owned).to_vec()];
     let size = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     for push in &found.pushes {
-        let at_onset = |v: &[f64; 3]| push.onset_factor.map(|_| size(v) / found.share);
         rows.push(vec![
             push.push.clone(),
             number(push.onset_factor, 1.0, 4),
-            number(at_onset(&push.force_n), 1.0, 4),
-            number(at_onset(&push.torque_nm), 1.0, 5),
+            number(push.onset.map(|[force, _]| force), 1.0, 4),
+            number(push.onset.map(|[_, torque]| torque), 1.0, 5),
             number(Some(size(&push.force_n)), 1.0, 4),
             number(Some(size(&push.torque_nm)), 1.0, 5),
         ]);

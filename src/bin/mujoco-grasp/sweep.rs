@@ -51,7 +51,9 @@ pub fn sweep(args: &Args, output: Output) -> anyhow::Result<ExitCode> {
     if failed > 0 {
         complain("warning", &format!("{failed} simulations failed; the column `error` says why"));
     }
-    if mode == Mode::Grasp && report.latched_share.median.is_none_or(|share| share == 0.0) {
+    if report.grasps == 0 {
+        complain("warning", "the shard has no grasps: there are fewer files than shards");
+    } else if mode == Mode::Grasp && report.latched_share.median.is_none_or(|share| share == 0.0) {
         complain("warning", "most grasps have not latched: their steps were those of MuJoCo's own solve");
     }
     output.write(&report, || text(&report))?;

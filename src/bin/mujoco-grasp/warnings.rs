@@ -5,6 +5,8 @@ use mujoco_grasp::scenario::run::{Pair, Run};
 use mujoco_grasp::scenario::runner::Mode;
 use mujoco_grasp::scenario::start::{SOON, starts_inside, thrown_by_pin};
 
+use crate::output::significant;
+
 /// Relative errors below this are no difference to explain.
 const DIFFERENCE: f64 = 0.01;
 /// Full mode creeps if it is this many times as fast as grasp mode in the last second.
@@ -21,7 +23,23 @@ pub fn warnings(plan: &Plan, pairs: &[Pair]) -> Vec<String> {
             }
         }
     }
-    said.into_iter().map(|(message, runs)| format!("{}: {message}", runs.join(", "))).collect()
+    let mut warnings: Vec<String> =
+        said.into_iter().map(|(message, runs)| format!("{}: {message}", runs.join(", "))).collect();
+    warnings.extend(all_vacuous(pairs));
+    warnings
+}
+
+/// What never latched has been said by then.
+fn all_vacuous(pairs: &[Pair]) -> Option<String> {
+    let mut compared = pairs.iter().filter_map(|pair| pair.compare.as_ref()).peekable();
+    compared.peek()?;
+    let latched = |run: &Run| run.summary.latched_at_s.is_some();
+    let vacuous = compared.all(|c| c.vacuous && c.others.iter().all(|other| other.vacuous));
+    (vacuous && pairs.iter().flat_map(Pair::runs).any(latched)).then(|| {
+        "grasp mode was latched for none of the compared time of any run: both modes were the same simulation there, and \
+         all comparisons say nothing"
+            .to_owned()
+    })
 }
 
 fn of_run(plan: &Plan, run: &Run) -> Vec<String> {
@@ -44,26 +62,33 @@ fn of_run(plan: &Plan, run: &Run) -> Vec<String> {
     }
     if run.mode == Mode::Grasp && run.error.is_none() {
         let contacts = plan.model.has_contacts();
+        let latch_time = |grasp: usize| plan.grasps[grasp].latch_time;
         if run.summary.latched_at_s.is_none() {
-            messages.push(never_latched("the grasp", run.best_quality, run.latch_quality, contacts));
+            let own = (0..run.others.len()).find(|i| run.others[*i].index != *i).unwrap_or(run.others.len());
+            let quality = [run.best_quality, run.latch_quality];
+            messages.push(never_latched("the grasp", quality, latch_time(own), contacts));
         }
         for o in run.others.iter().filter(|o| o.summary.latched_at_s.is_none()) {
             let who = format!("grasp {} of {} by {}", o.index, o.target, o.palm);
-            messages.push(never_latched(&who, o.best_quality, o.latch_quality, contacts));
+            messages.push(never_latched(&who, [o.best_quality, o.latch_quality], latch_time(o.index), contacts));
         }
     }
     messages
 }
 
-fn never_latched(who: &str, best: f64, needed: f64, contacts: bool) -> String {
+fn never_latched(who: &str, [best, needed]: [f64; 2], latch_time: f64, contacts: bool) -> String {
     let why = if !contacts {
-        ": the model's flags switch contacts or constraints off"
+        ": the model's flags switch contacts or constraints off".to_owned()
     } else if best == 0.0 {
         ": no effector pressed on the target once it was free, or its contacts cannot hold it in every direction"
+            .to_owned()
+    } else if best >= needed {
+        format!(": it was never good for {latch_time:?} s without a break (latch_time)")
     } else {
-        ""
+        String::new()
     };
-    format!("{who} never latched: its quality reached {best:.4} N, and it takes {needed:.4} N (latch_quality){why}")
+    let [best, needed] = [best, needed].map(significant);
+    format!("{who} never latched: its quality reached {best} N, and it takes {needed} N (latch_quality){why}")
 }
 
 /// What to say of pushes on which the modes differ because full mode, without noslip, creeps.

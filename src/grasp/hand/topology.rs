@@ -153,6 +153,12 @@ impl Topology {
         (self.in_hand[a] && self.in_target[b]) || (self.in_hand[b] && self.in_target[a])
     }
 
+    /// A body that is in both hands where both hold the same target: its contacts would belong to both grasps.
+    pub fn shared_with(&self, other: &Topology) -> Option<usize> {
+        let both = |a: &[bool], b: &[bool]| a.iter().zip(b).position(|(a, b)| *a && *b);
+        both(&self.in_target, &other.in_target).and_then(|_| both(&self.in_hand, &other.in_hand))
+    }
+
     /// True if the target hangs on the hand's own tree, so that hand and target are one mechanism.
     pub fn shares_tree(&self, tree: &Tree<'_>) -> bool {
         self.palm != 0 && (is_ancestor(tree.body_parent, self.palm, self.target) || !self.in_hand.iter().any(|&h| h))

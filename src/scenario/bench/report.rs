@@ -14,8 +14,11 @@ pub struct Report {
     pub nv: usize,
     /// No push.
     pub still: Phases,
-    /// Along the first push; `None` if there is none, or nothing makes it slip.
+    /// Along the first push; `None` if there is none, or it has no onset.
     pub pushed: Option<Phases>,
+    /// Why `pushed` is `None`.
+    #[serde(skip)]
+    pub not_pushed: Option<String>,
     /// Median time of one inverse-kinematics solve whose goals moved by 1 mm \[us\]; `None` without goals.
     pub ik_us: Option<f64>,
     /// The first push times this is the smallest that is not held; `None` as for `pushed`.

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{
     ControlEntry, GraspEntry, PushEntry, ScenarioFile, Timeline, distinct, file_name, finite, non_negative, positive,
+    wrong_frozen_tolerance,
 };
 use crate::grasp::Limits;
 use crate::grasp::spec::{wrong_solimp, wrong_solref};
@@ -21,7 +22,11 @@ impl ScenarioFile {
             return Err(at("grasp").wrong("is missing; give at least one [[grasp]] with a target"));
         }
         self.check_timeline(path)?;
-        self.frozen_tolerance.map_or(Ok(()), |angle| non_negative(at("frozen_tolerance"), angle))?;
+        if let Some((angle, wrong)) =
+            self.frozen_tolerance.and_then(|angle| Some((angle, wrong_frozen_tolerance(angle)?)))
+        {
+            return Err(at("frozen_tolerance").wrong(format!("is {angle:?} rad; {wrong}")));
+        }
         for (i, grasp) in self.grasp.iter().enumerate() {
             grasp.check(path, i)?;
             if let Some(j) = self.grasp[..i].iter().position(|g| g.target == grasp.target && g.palm == grasp.palm) {
@@ -33,6 +38,12 @@ impl ScenarioFile {
         }
         for (i, control) in self.control.iter().enumerate() {
             control.check(path, i)?;
+            if let Some(before) = self.control[..i].last().filter(|before| before.time >= control.time) {
+                return Err(at(&format!("control[{i}].time")).wrong(format!(
+                    "is {:?} s; it must be after that of the entry before it, {:?} s: targets go from entry to entry",
+                    control.time, before.time
+                )));
+            }
         }
         for (i, goal) in self.goal.iter().enumerate() {
             let field = format!("goal[{i}]");
@@ -68,12 +79,12 @@ impl ScenarioFile {
         non_negative(at("timeline.measure_from"), measure_from)?;
         if pin_until > measure_from {
             return Err(at("timeline.measure_from").wrong(format!(
-                "is {measure_from} s, before pin_until = {pin_until} s; measure only once the target is free"
+                "is {measure_from:?} s, before pin_until = {pin_until:?} s; measure only once the target is free"
             )));
         }
         if measure_from >= duration {
             return Err(at("timeline.measure_from")
-                .wrong(format!("is {measure_from} s; it must be before the end, duration = {duration} s")));
+                .wrong(format!("is {measure_from:?} s; it must be before the end, duration = {duration:?} s")));
         }
         Ok(())
     }
@@ -83,7 +94,12 @@ impl GraspEntry {
     fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
         let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
         let mut seen = BTreeSet::new();
-        for (i, effector) in self.effectors.iter().enumerate() {
+        if self.effectors.as_ref().is_some_and(Vec::is_empty) {
+            return Err(
+                at("effectors").wrong("is an empty list; name links, or leave it out for every link below the palm")
+            );
+        }
+        for (i, effector) in self.effectors().iter().enumerate() {
             if *effector == self.target {
                 return Err(at(&format!("effectors[{i}]"))
                     .wrong(format!("\"{effector}\" is the target itself; effectors are links of the hand")));
@@ -103,7 +119,7 @@ impl GraspEntry {
             non_negative(at("release_quality"), q)?;
             if let Some(latch) = self.latch_quality.filter(|&latch| q >= latch) {
                 return Err(at("release_quality").wrong(format!(
-                    "is {q} N; it must be below latch_quality = {latch} N, or the grasp would chatter"
+                    "is {q:?} N; it must be below latch_quality = {latch:?} N, or the grasp would chatter"
                 )));
             }
         }
@@ -113,6 +129,11 @@ impl GraspEntry {
         let boxed = self.limits == Some(Limits::Box);
         if self.relaxed.is_some() && !boxed {
             return Err(at("relaxed").wrong("has a meaning only with limits = \"box\""));
+        }
+        let axes = self.relaxed.as_deref().unwrap_or_default();
+        if let Some((i, axis)) = axes.iter().enumerate().find(|(i, axis)| axes[..*i].contains(axis)) {
+            let name = format!("{axis:?}").to_lowercase();
+            return Err(at(&format!("relaxed[{i}]")).wrong(format!("\"{name}\" is listed twice")));
         }
         if self.axes.is_some() && !boxed {
             return Err(at("axes").wrong("has a meaning only with limits = \"box\""));
@@ -182,10 +203,13 @@ impl PushEntry {
             finite(at(&format!("force[{k}] ({axis})")), self.force[k])?;
             finite(at(&format!("torque[{k}] ({axis})")), self.torque[k])?;
         }
+        if self.force.iter().chain(&self.torque).all(|&value| value == 0.0) {
+            return Err(at("force").wrong("is missing or 0, and so is torque; a push must have one of them"));
+        }
         // Sums of decimal fractions: 4.6 + 1.4 may pass 6.0 by a rounding error.
         if self.start + self.duration > end + 1e-9 {
             return Err(at("duration").wrong(format!(
-                "makes the push end at {} s; it must end by timeline.duration = {end} s",
+                "makes the push end at {:?} s; it must end by timeline.duration = {end:?} s",
                 self.start + self.duration
             )));
         }

@@ -39,9 +39,12 @@ pub(super) fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &Gr
         )));
     }
     let mut effectors = Vec::new();
-    for (i, name) in entry.effectors.iter().enumerate() {
+    for (i, name) in entry.effectors().iter().enumerate() {
         let field = format!("effectors[{i}]");
         let effector = body(&field, name)?;
+        if effector == BodyId::WORLD {
+            return Err(at(&field).wrong("\"world\" is the world; effectors are links of the hand"));
+        }
         if is_above(model, target.index(), effector.index()) {
             return Err(
                 at(&field).wrong(format!("\"{name}\" is a part of the target; effectors are links of the hand"))
@@ -63,7 +66,7 @@ pub(super) fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &Gr
             return Err(at("palm").wrong(format!(
                 "{} is not above the effector \"{}\" in the kinematic tree; give a common ancestor of the effectors, as {}",
                 label(model, palm.index()),
-                entry.effectors[i], // only named ones can be elsewhere
+                entry.effectors()[i], // only named ones can be elsewhere
                 label(model, common_ancestor(model, &effectors).index()),
             )));
         }

@@ -166,21 +166,27 @@ impl SweepFile {
     }
 }
 
+/// Whether a parameter is one of those that are not below 0.
+pub(super) fn is_factor(name: &str) -> bool {
+    matches!(name, "friction" | "strength")
+}
+
 impl FamilyEntry {
     fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
         let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
         file_name(at("name"), &self.name)?;
         for (name, values) in &self.set {
             let field = || at(&format!("set.\"{name}\""));
+            let check =
+                |value: &f64| if is_factor(name) { non_negative(field(), *value) } else { finite(field(), *value) };
             match values {
-                Values::One(value) => finite(field(), *value)?,
+                Values::One(value) => check(value)?,
                 Values::Each(values) if values.is_empty() => return Err(field().wrong("is an empty list; give values")),
-                Values::Each(values) => values.iter().try_for_each(|value| finite(field(), *value))?,
+                Values::Each(values) => values.iter().try_for_each(check)?,
                 Values::Drawn(Range { min, max }) => {
-                    finite(field(), *min)?;
-                    finite(field(), *max)?;
+                    [min, max].into_iter().try_for_each(check)?;
                     if min >= max {
-                        return Err(field().wrong(format!("goes from {min} to {max}; min must be below max")));
+                        return Err(field().wrong(format!("goes from {min:?} to {max:?}; min must be below max")));
                     }
                 }
             }

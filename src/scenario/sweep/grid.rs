@@ -1,13 +1,13 @@
 //! From the families of a spec to its grasps.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
 
-use super::file::{FamilyEntry, Range, SweepFile, Values};
+use super::file::{FamilyEntry, Range, SweepFile, Values, is_factor};
 use crate::scenario::error::{Error, Field};
 
 /// More grasps than this are a slip of the pen.
@@ -30,11 +30,11 @@ struct Table {
     lines: Vec<Vec<f64>>,
 }
 
-/// Names of all parameters, sorted, and all grasps in the order of the spec.
+/// Names of all parameters, sorted, with the field that has each, and all grasps in the order of the spec.
 ///
 /// # Errors
 /// [`Error::Field`]: tables that cannot be read, or that name what `set` has too; too many grasps.
-pub(super) fn expand(spec: &SweepFile, path: &Path) -> Result<(Vec<String>, Vec<Case>), Error> {
+pub(super) fn expand(spec: &SweepFile, path: &Path) -> Result<(BTreeMap<String, String>, Vec<Case>), Error> {
     let tables: Vec<Option<Table>> = spec
         .grasp
         .iter()
@@ -44,9 +44,14 @@ pub(super) fn expand(spec: &SweepFile, path: &Path) -> Result<(Vec<String>, Vec<
             family.table.as_ref().map(|table| Table::read(path, table, family, field)).transpose()
         })
         .collect::<Result<_, _>>()?;
-    let of_tables = tables.iter().flatten().flat_map(|table| &table.names);
-    let names: BTreeSet<&String> = spec.grasp.iter().flat_map(|family| family.set.keys()).chain(of_tables).collect();
-    let names: Vec<String> = names.into_iter().cloned().collect();
+    let mut fields = BTreeMap::new();
+    for (i, (family, table)) in spec.grasp.iter().zip(&tables).enumerate() {
+        let set = family.set.keys().map(|name| (name.clone(), format!("grasp[{i}].set.\"{name}\"")));
+        let columns = table.iter().flat_map(|table| &table.names);
+        let columns = columns.map(|name| (name.clone(), format!("grasp[{i}].table: the column \"{name}\"")));
+        set.chain(columns).for_each(|(name, field)| _ = fields.entry(name).or_insert(field));
+    }
+    let names: Vec<String> = fields.keys().cloned().collect();
     let mut cases = Vec::new();
     for (i, (family, table)) in spec.grasp.iter().zip(&tables).enumerate() {
         let count = count(family, table.as_ref());
@@ -55,7 +60,7 @@ pub(super) fn expand(spec: &SweepFile, path: &Path) -> Result<(Vec<String>, Vec<
         }
         add(spec.seed, family, table.as_ref(), &names, &mut cases);
     }
-    Ok((names, cases))
+    Ok((fields, cases))
 }
 
 /// Grasps of a family; `None` where it is no number.
@@ -156,11 +161,14 @@ impl Table {
         let mut lines = Vec::new();
         for (i, record) in reader.records().enumerate() {
             let record = record.map_err(|e| e.to_string())?;
-            let number = |cell: &str| match cell.parse::<f64>() {
+            let number = |(name, cell): (&String, &str)| match cell.parse::<f64>() {
+                Ok(value) if value < 0.0 && is_factor(name) => {
+                    Err(format!("line {}: {name} is {cell}; it must be 0 or above", i + 2))
+                }
                 Ok(value) if value.is_finite() => Ok(value),
                 _ => Err(format!("line {}: {cell:?} is no finite number", i + 2)),
             };
-            lines.push(record.iter().map(number).collect::<Result<_, _>>()?);
+            lines.push(names.iter().zip(record.iter()).map(number).collect::<Result<_, _>>()?);
         }
         if lines.is_empty() {
             return Err("it has no line after the one that names parameters".into());
@@ -178,7 +186,8 @@ mod tests {
             "name = \"s\"\nscenario = \"x.toml\"\nseed = 3\n{grasps}\n[[load]]\nname = \"l\"\nduration = 1.0\nforce = [1, 0, 0]\n"
         );
         let path = Path::new("s.toml");
-        expand(&SweepFile::parse(&text, path).unwrap(), path).unwrap()
+        let (fields, cases) = expand(&SweepFile::parse(&text, path).unwrap(), path).unwrap();
+        (fields.into_keys().collect(), cases)
     }
 
     const GRID: &str =
@@ -218,9 +227,13 @@ mod tests {
     fn a_table_gives_its_lines_and_says_where_it_is_wrong() {
         let table = Table::parse("x, y\n1, 2\n3,4e-1\n").unwrap();
         assert_eq!((table.names, table.lines), (vec!["x".into(), "y".into()], vec![vec![1.0, 2.0], vec![3.0, 0.4]]));
-        for (text, problem) in
-            [("x\n1\nnan\n", "line 3"), ("x,x\n1,2\n", "twice"), ("x\n", "no line"), ("x\n1,2\n", "fields")]
-        {
+        for (text, problem) in [
+            ("x\n1\nnan\n", "line 3"),
+            ("x,x\n1,2\n", "twice"),
+            ("x\n", "no line"),
+            ("x\n1,2\n", "fields"),
+            ("friction\n-1\n", "line 2: friction"),
+        ] {
             let Err(said) = Table::parse(text) else { panic!("{text} is read") };
             assert!(said.contains(problem), "{said}");
         }

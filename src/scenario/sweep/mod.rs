@@ -52,16 +52,16 @@ impl Sweep {
         let text = std::fs::read_to_string(path).map_err(|source| Error::Spec { file: path.to_path_buf(), source })?;
         let spec = SweepFile::parse(&text, path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let source = Source::find_in(folder, &spec.scenario)?;
+        let scenario = |e| Field::new(path, "scenario").wrong(format!("is \"{}\": {e}", spec.scenario));
+        let source = Source::find_in(folder, &spec.scenario).map_err(scenario)?;
         let plan = Plan::of_source(&source, None)?;
         spec.check_on(&plan, path)?;
-        let (names, cases) = grid::expand(&spec, path)?;
-        let parameters = names
+        let (fields, cases) = grid::expand(&spec, path)?;
+        let parameters = fields
             .into_iter()
-            .map(|name| {
-                let parameter =
-                    Parameter::named(&plan, &name).map_err(|problem| Field::new(path, &name).wrong(problem))?;
-                Ok((name, parameter))
+            .map(|(name, field)| match Parameter::named(&plan, &name) {
+                Ok(parameter) => Ok((name, parameter)),
+                Err(problem) => Err(Field::new(path, &field).wrong(problem)),
             })
             .collect::<Result<_, Error>>()?;
         let scenario = source.text.into_owned();
