@@ -55,7 +55,7 @@ pub struct GraspEntry {
     pub target: String,
     /// Links that may hold it; left out: every link below the palm.
     #[serde(default)]
-    pub effectors: Option<Vec<String>>,
+    pub effectors: Vec<String>,
     /// Base of the fingers; left out: the lowest common ancestor of the effectors, or the only hand that can touch the target.
     #[serde(default)]
     pub palm: Option<String>,
@@ -195,11 +195,6 @@ impl ScenarioFile {
 }
 
 impl GraspEntry {
-    /// Links that are named.
-    pub fn effectors(&self) -> &[String] {
-        self.effectors.as_deref().unwrap_or_default()
-    }
-
     /// Which of x, y, z, rx, ry, rz may slip in the box form.
     pub fn relaxed(&self) -> [bool; 6] {
         let Some(axes) = &self.relaxed else {

@@ -38,12 +38,6 @@ impl ScenarioFile {
         }
         for (i, control) in self.control.iter().enumerate() {
             control.check(path, i)?;
-            if let Some(before) = self.control[..i].last().filter(|before| before.time >= control.time) {
-                return Err(at(&format!("control[{i}].time")).wrong(format!(
-                    "is {:?} s; it must be after that of the entry before it, {:?} s: targets go from entry to entry",
-                    control.time, before.time
-                )));
-            }
         }
         for (i, goal) in self.goal.iter().enumerate() {
             let field = format!("goal[{i}]");
@@ -94,12 +88,7 @@ impl GraspEntry {
     fn check(&self, path: &Path, index: usize) -> Result<(), Error> {
         let at = |field: &str| Field::new(path, &format!("grasp[{index}].{field}"));
         let mut seen = BTreeSet::new();
-        if self.effectors.as_ref().is_some_and(Vec::is_empty) {
-            return Err(
-                at("effectors").wrong("is an empty list; name links, or leave it out for every link below the palm")
-            );
-        }
-        for (i, effector) in self.effectors().iter().enumerate() {
+        for (i, effector) in self.effectors.iter().enumerate() {
             if *effector == self.target {
                 return Err(at(&format!("effectors[{i}]"))
                     .wrong(format!("\"{effector}\" is the target itself; effectors are links of the hand")));
@@ -202,9 +191,6 @@ impl PushEntry {
         for (k, axis) in ["x", "y", "z"].iter().enumerate() {
             finite(at(&format!("force[{k}] ({axis})")), self.force[k])?;
             finite(at(&format!("torque[{k}] ({axis})")), self.torque[k])?;
-        }
-        if self.force.iter().chain(&self.torque).all(|&value| value == 0.0) {
-            return Err(at("force").wrong("is missing or 0, and so is torque; a push must have one of them"));
         }
         // Sums of decimal fractions: 4.6 + 1.4 may pass 6.0 by a rounding error.
         if self.start + self.duration > end + 1e-9 {

@@ -39,7 +39,7 @@ pub(super) fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &Gr
         )));
     }
     let mut effectors = Vec::new();
-    for (i, name) in entry.effectors().iter().enumerate() {
+    for (i, name) in entry.effectors.iter().enumerate() {
         let field = format!("effectors[{i}]");
         let effector = body(&field, name)?;
         if effector == BodyId::WORLD {
@@ -66,7 +66,7 @@ pub(super) fn grasp(model: &CompiledModel, path: &Path, index: usize, entry: &Gr
             return Err(at("palm").wrong(format!(
                 "{} is not above the effector \"{}\" in the kinematic tree; give a common ancestor of the effectors, as {}",
                 label(model, palm.index()),
-                entry.effectors()[i], // only named ones can be elsewhere
+                entry.effectors[i], // only named ones can be elsewhere
                 label(model, common_ancestor(model, &effectors).index()),
             )));
         }
