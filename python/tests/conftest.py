@@ -26,6 +26,12 @@ def gripper(**options):
     return model, data, mg.Grasps(model, data, target="ball", **options)
 
 
+def two_targets():
+    """The model of the gripper, with another ball that lies elsewhere."""
+    other = '<body name="other" pos="1 0 1"><freejoint/><geom size=".02"/></body></worldbody>'
+    return mujoco.MjModel.from_xml_string(GRIPPER.read_text().replace("</worldbody>", other))
+
+
 def latched(**options):
     """As `gripper`, once it has latched."""
     model, data, grasps = gripper(**options)

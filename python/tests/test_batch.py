@@ -7,7 +7,7 @@ import time
 import mujoco
 import numpy as np
 import pytest
-from conftest import GRIPPER
+from conftest import GRIPPER, two_targets
 
 import mujoco_grasp as mg
 
@@ -138,8 +138,8 @@ def test_wrong_numbers_are_named():
 
 
 def test_grasps_of_one_simulation_only():
-    batch = mg.Batch(mujoco.MjModel.from_xml_path(str(GRIPPER)), 3, "ball")
-    batch.grasps[1].add("ball")
+    batch = mg.Batch(two_targets(), 3, "ball")
+    batch.grasps[1].add("other")
     for name in ("quality", "is_grasped"):
         with pytest.raises(mg.SpecError, match="simulation 1 of the batch has 2 grasps, and simulation 0 has 1"):
             getattr(batch, name)

@@ -11,7 +11,7 @@ import time
 import mujoco
 import numpy as np
 import pytest
-from conftest import GRIPPER, gripper, in_another_process, latched
+from conftest import GRIPPER, gripper, in_another_process, latched, two_targets
 
 import mujoco_grasp as mg
 
@@ -199,10 +199,18 @@ def test_limits_without_a_weld_are_told_what_python_has_for_it():
         mg.Grasps(model, mujoco.MjData(model), "ball", limits="box")
 
 
+def test_a_hand_holds_a_target_once():
+    _, _, grasps = gripper()
+    with pytest.raises(mg.SpecError, match="a link may belong to one grasp of a target"):
+        grasps.add("ball")
+    assert len(grasps) == 1
+
+
 def test_handles_of_one_grasp_are_equal():
-    model, data, grasps = gripper()
-    other = mg.Grasps(model, data, "ball")
-    grasps.add("ball")
+    model = two_targets()
+    data = mujoco.MjData(model)
+    grasps, other = mg.Grasps(model, data, "ball"), mg.Grasps(model, data, "ball")
+    grasps.add("other")
     assert grasps[0] == grasps[0] != grasps[1]
     assert grasps[0] != other[0]
     assert grasps[0] != "ball"

@@ -272,8 +272,8 @@ impl Arrow {
         &self.singles[single]
     }
 
-    /// How easily the second row of block `block` moves, or its third if that is easier, its first if it has no other [1/kg]:
-    /// `J M^-1 J'` of the whole. Known after [`keep`](Self::keep).
+    /// How easily the second row of block `block` moves, its third where the second hardly does, its first if it has no other
+    /// [1/kg]: `J M^-1 J'` of the whole. Known after [`keep`](Self::keep).
     pub fn mobility(&self, block: usize) -> f64 {
         self.blocks[block].mobility
     }

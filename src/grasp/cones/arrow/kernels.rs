@@ -5,6 +5,9 @@ use super::{Arrow, ROOT, RootVector};
 use crate::grasp::linalg::{axpy_lanes, dot_lanes};
 use pulp::{Arch, Simd, WithSimd};
 
+/// A tangent along which a contact moves by so much less than along the other is no measure of both.
+const UNEQUAL: f64 = 1e-3;
+
 /// What is compiled for each kind of processor, with the widest vectors that it has. No operation is contracted or reordered
 /// for it: the result is the same on every processor. (Closures would not do: the compiler may call them instead of inlining
 /// them, and then they are compiled for the least of them.)
@@ -83,7 +86,8 @@ impl Arrow {
         }
     }
 
-    /// The largest mobility of the first two friction rows of each block, or of its only row, and that of each single.
+    /// The mobility of the second row of each block, or of the third where the second hardly moves beside it, or of its only row;
+    /// and that of each single.
     #[inline(always)]
     fn mobilities(&mut self) {
         let Arrow { branches, blocks, singles, matrix, inertia_factor, inertia_pivots, row, .. } = self;
@@ -91,11 +95,11 @@ impl Arrow {
             unrolled!(branch => {
                 let row = &mut row[..branch.stride];
                 for b in &mut blocks[branch.blocks.0..branch.blocks.1] {
-                    b.mobility = 0.0;
-                    for i in b.rows.min(2) - 1..b.rows.min(3) {
-                        row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + i));
-                        b.mobility = branch.mobility(inertia_factor, inertia_pivots, row).max(b.mobility);
-                    }
+                    let [second, third] = [b.rows.min(2), b.rows.min(3)].map(|count| {
+                        row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + count - 1));
+                        branch.mobility(inertia_factor, inertia_pivots, row)
+                    });
+                    b.mobility = if second > UNEQUAL * third { second } else { third };
                 }
                 for s in &mut singles[branch.singles.0..branch.singles.1] {
                     row.fill(0.0);
