@@ -203,7 +203,13 @@ impl Grasp {
         self.machine.allow_latch(true);
         self.release();
         self.set = ContactSet::default();
+        self.forget_results();
+    }
+
+    /// What the last step came to.
+    pub(super) fn forget_results(&mut self) {
         self.status = SolveStatus::default();
+        self.stamp = None;
         self.live.clear();
         self.gram = Gram::new(Vector3::zeros(), 0.0);
     }

@@ -69,8 +69,8 @@ impl Grasps {
     /// # Errors
     /// A simulation of another model than that of the grasps before. Bodies that the model does not have; no hand or
     /// several, where neither palm nor effectors are given; a target that is static or part of the hand; effectors that are
-    /// the target or outside the hand; a hand that shares a link with that of another grasp of the same target; thresholds that are not positive and ordered; times that are negative or not finite;
-    /// an integrator whose step cannot be taken apart (RK4).
+    /// the target or outside the hand; a hand that shares a link with that of another grasp of the same target; thresholds that
+    /// are not positive and ordered; times that are negative or not finite; an integrator whose step cannot be taken apart (RK4).
     pub fn add(&mut self, sim: &Simulation, spec: &GraspSpec) -> Result<GraspId, Error> {
         self.check_model(sim)?;
         let grasp = Grasp::new(sim, spec)?;

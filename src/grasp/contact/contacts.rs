@@ -304,12 +304,10 @@ impl ContactSet {
 
     /// No contacts now; the next step remembers `past`.
     pub(in crate::grasp) fn restore(&mut self, past: &[SavedContact]) {
-        self.now.clear();
         self.before.clear();
         self.before.extend_from_slice(past);
         self.anchors.clear();
-        self.restored = true;
-        self.kept = 0;
+        self.unread();
     }
 
     /// Takes back the last reading: the next step remembers what this one did.

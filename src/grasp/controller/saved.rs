@@ -1,14 +1,11 @@
 //! Saving a grasp and going back to it.
 
 use super::Grasp;
-use crate::grasp::cones::solve::SolveStatus;
 use crate::grasp::error::Error;
-use crate::grasp::monitor::gram::Gram;
 use crate::grasp::monitor::phase::Phase;
 use crate::grasp::spec::Limits;
 use crate::grasp::state::GraspState;
 use crate::grasp::weld::solve::MergedState;
-use nalgebra::Vector3;
 
 impl Grasp {
     /// What the next step depends on; see [`Grasps::save`](crate::grasp::Grasps::save).
@@ -48,10 +45,7 @@ impl Grasp {
         if let (Some((_, merged)), Some(saved)) = (&mut self.merged, &state.merged) {
             merged.restore(saved);
         }
-        self.status = SolveStatus::default();
-        self.stamp = None;
-        self.live.clear();
-        self.gram = Gram::new(Vector3::zeros(), 0.0);
+        self.forget_results();
     }
 
     /// That `state` is a sound one of this grasp.

@@ -95,11 +95,13 @@ impl Arrow {
             unrolled!(branch => {
                 let row = &mut row[..branch.stride];
                 for b in &mut blocks[branch.blocks.0..branch.blocks.1] {
-                    let [second, third] = [b.rows.min(2), b.rows.min(3)].map(|count| {
-                        row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + count - 1));
+                    let mut of_row = |i: usize| {
+                        row.copy_from_slice(branch.row(matrix, b.row0 - branch.row0 + i));
                         branch.mobility(inertia_factor, inertia_pivots, row)
-                    });
-                    b.mobility = if second > UNEQUAL * third { second } else { third };
+                    };
+                    let mobility = of_row(b.rows.min(2) - 1);
+                    let other = if b.rows > 2 { of_row(2) } else { mobility };
+                    b.mobility = if mobility > UNEQUAL * other { mobility } else { other };
                 }
                 for s in &mut singles[branch.singles.0..branch.singles.1] {
                     row.fill(0.0);
