@@ -150,7 +150,7 @@ class Grasps:
         """Steps so far that were made on frozen geometry."""
     @property
     def whole_steps(self) -> dict[str, int]:
-        """Why others were not, and how many: "merged", "changed", "refresh", "contacts", "turned", "slid", "near"."""
+        """Why others were not, and how many: "merged", "changed", "refresh", "contacts", "swings", "handover", "turned", "slid", "near"."""
     @property
     def model(self) -> mujoco.MjModel:
         """As it was given."""

@@ -197,7 +197,7 @@ impl Grasps {
         self.with(py, |session| session.grasps.frozen_steps())
     }
 
-    /// Why others were not, and how many: "merged", "changed", "refresh", "contacts", "turned", "slid", "near".
+    /// Why others were not, and how many: "merged", "changed", "refresh", "contacts", "swings", "handover", "turned", "slid", "near".
     #[getter]
     fn whole_steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let counts: Vec<_> = self.with(py, |session| session.grasps.whole_steps().collect());

@@ -16,6 +16,7 @@ mod motion;
 use super::Grasps;
 use super::controller::Grasp;
 use super::error::Error;
+use super::hand::topology::Topology;
 use super::linalg::axpy;
 use super::monitor::phase::Phase;
 use crate::mujoco::{Simulation, Stamp};
@@ -36,6 +37,15 @@ const CARRIED: f64 = 0.2;
 /// steps only.
 const SETTLED: usize = 3;
 
+/// Where more than a third of the stretches of frozen steps have a [swing](Frozen::swings_back), by so many twice counted, each
+/// further one is followed by a pause of so many whole steps: a contact that rolls further than its bodies move, and is found late,
+/// keeps up a trembling, which whole steps end.
+const SWINGS: u32 = 8;
+const PAUSE: usize = 96;
+
+/// What moves more slowly is at rest \[m/s or rad/s\].
+const REST: f64 = 1e-6;
+
 /// Where a contact slides, it may come as far as this lever times the tolerance between two whole steps \[m\].
 const LEVER: f64 = 0.01;
 
@@ -49,6 +59,12 @@ pub(super) struct Frozen {
     stamp: Option<Stamp>,
     /// This step is frozen.
     now: bool,
+    /// This stretch of frozen steps has had a [swing](Self::swings_back); how many have, see [`SWINGS`]; what is left of the pause
+    /// after them; and the velocity after the last whole step.
+    swung: bool,
+    swings: u32,
+    pause: usize,
+    velocity: Vec<f64>,
     /// Frozen steps since the last whole one, and ever.
     steps: usize,
     count: u64,
@@ -76,6 +92,10 @@ impl Default for Frozen {
         Frozen {
             stamp: None,
             now: false,
+            swung: false,
+            swings: 0,
+            pause: 0,
+            velocity: Vec::new(),
             steps: 0,
             count: 0,
             whole: [0; Obstacle::NAMES.len()],
@@ -114,6 +134,8 @@ impl Grasps {
         self.frozen.now = false;
         match made {
             Ok(()) => {
+                let swings = |grasp: &Grasp| self.frozen.swings_back(sim, grasp.topology());
+                self.frozen.swung = self.frozen.swung || self.latched().any(swings);
                 self.frozen.advance(sim);
                 self.list.iter_mut().for_each(|grasp| grasp.remember(sim.stamp()));
             }
@@ -152,7 +174,8 @@ impl Grasps {
 
     /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (rows
     /// beside a grasp with limits "box" or "rigid" that only the engine's solver can solve), "changed" (it has just latched, or
-    /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped),
+    /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped), "swings" (a pause, as
+    /// hand and target swung to and fro between whole steps),
     /// "handover" (a hand that may latch reaches for what another holds; see [`Grasp::allow_latch`]),
     /// "turned" and "slid" (further than the tolerance), "near" (something else may touch something).
     pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
@@ -207,6 +230,9 @@ impl Grasps {
         if self.frozen.steps == 0 && !(settled && self.frozen.elapsed.is_some()) {
             return Some(Obstacle::Contacts);
         }
+        if self.frozen.steps == 0 && self.frozen.pause > 0 {
+            return Some(Obstacle::Swings);
+        }
         let speed = self.list.iter().map(|grasp| grasp.slip_speed(sim)).fold(0.0, f64::max);
         self.frozen.slip += sim.model().timestep() * speed;
         let (angle, way) = self.frozen.motion(sim);
@@ -234,6 +260,7 @@ enum Obstacle {
     Changed,
     Refresh,
     Contacts,
+    Swings,
     Handover,
     Turned,
     Slid,
@@ -241,7 +268,8 @@ enum Obstacle {
 }
 
 impl Obstacle {
-    const NAMES: [&'static str; 8] = ["merged", "changed", "refresh", "contacts", "handover", "turned", "slid", "near"];
+    const NAMES: [&'static str; 9] =
+        ["merged", "changed", "refresh", "contacts", "swings", "handover", "turned", "slid", "near"];
 }
 
 impl Frozen {
@@ -262,8 +290,32 @@ impl Frozen {
         }
     }
 
+    /// After a step: whether a hand and its target now go back, by their momentum, from where they went when the last whole step
+    /// was made.
+    pub fn swings_back(&self, sim: &Simulation, hand: &Topology) -> bool {
+        let parent = |&dof: &usize| usize::try_from(sim.model().dof_parentid()[dof]).ok();
+        let of_target = std::iter::successors(hand.leaf(hand.target()), parent);
+        let (mut mass, mut energy, mut across) = (0.0, 0.0, 0.0);
+        for dof in hand.fingers().iter().flatten().copied().chain(of_target) {
+            let (m, v) = (sim.model().dof_M0()[dof], sim.qvel()[dof]);
+            mass += m;
+            energy += m * v * v;
+            across += m * v * self.velocity[dof];
+        }
+        across < 0.0 && energy > mass * REST * REST
+    }
+
     /// After a whole step.
     pub fn refresh(&mut self, sim: &Simulation) {
+        if self.steps > 0 {
+            let swung = std::mem::take(&mut self.swung);
+            self.swings = if swung { SWINGS.min(self.swings + 2) } else { self.swings.saturating_sub(1) };
+            self.pause = if self.swings == SWINGS { PAUSE } else { 0 };
+        } else {
+            self.pause = self.pause.saturating_sub(1);
+        }
+        self.velocity.clear();
+        self.velocity.extend_from_slice(sim.qvel());
         self.steps = 0;
         self.slip = 0.0;
         self.stamp = Some(sim.stamp());
@@ -286,5 +338,6 @@ impl Frozen {
     /// The next step is a whole one.
     pub fn forget(&mut self) {
         self.stamp = None;
+        (self.swung, self.swings, self.pause) = (false, 0, 0);
     }
 }
