@@ -7,7 +7,7 @@
 
 use crate::grasp::contact::contacts::GraspContact;
 use crate::grasp::hand::topology::Topology;
-use crate::grasp::linalg;
+use crate::grasp::linalg::{self, Spatial};
 use crate::mujoco::{CompiledModel, Simulation};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
@@ -205,16 +205,14 @@ pub(in crate::grasp) fn for_each_dof_below(
 }
 
 /// Motion `[rotation; translation]` about the reference point of unit speed of a degree of freedom.
-pub(in crate::grasp) fn dof_motion(sim: &Simulation, dof: usize) -> Vector6<f64> {
-    Vector6::from_column_slice(&sim.cdof()[6 * dof..6 * dof + 6])
+pub(in crate::grasp) fn dof_motion(sim: &Simulation, dof: usize) -> Spatial {
+    Spatial::from_column_slice(&sim.cdof()[6 * dof..6 * dof + 6])
 }
 
-/// Motion `[rotation; translation]` of `body` about its reference point under generalised rates `rates`: `J rates`.
-pub(in crate::grasp) fn motion(sim: &Simulation, topology: &Topology, body: usize, rates: &[f64]) -> [f64; 6] {
-    let mut out = [0.0; 6];
-    for_each_dof(sim, topology, body, |dof| {
-        linalg::axpy(rates[dof], &sim.cdof()[6 * dof..6 * dof + 6], &mut out);
-    });
+/// Motion of `body` about its reference point under generalised rates `rates`: `J rates`.
+pub(in crate::grasp) fn motion(sim: &Simulation, topology: &Topology, body: usize, rates: &[f64]) -> Spatial {
+    let mut out = Spatial::zeros();
+    for_each_dof(sim, topology, body, |dof| out += dof_motion(sim, dof) * rates[dof]);
     out
 }
 
@@ -233,20 +231,4 @@ pub(in crate::grasp) fn link_motion(
         map += share(row) * along.transpose();
     }
     map
-}
-
-/// Motion of the target minus that of the link in the rows of a contact, for the bodies' motions as from [`motion`].
-pub(in crate::grasp) fn relative_rows(
-    sim: &Simulation,
-    contact: &GraspContact,
-    target: &[f64; 6],
-    link: &[f64; 6],
-) -> [f64; ROWS] {
-    let points = [contact.target, contact.link].map(|body| reference_point(sim, body));
-    std::array::from_fn(|row| {
-        let (turn, push) = direction(contact, row, &points[0]);
-        let of_target = power(target, &turn, &push);
-        let (turn, push) = direction(contact, row, &points[1]);
-        of_target - power(link, &turn, &push)
-    })
 }

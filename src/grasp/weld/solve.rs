@@ -13,12 +13,11 @@ use crate::grasp::contact::cost::ActiveSet;
 use crate::grasp::contact::softness::{SolverOptions, softness};
 use crate::grasp::error::Error;
 use crate::grasp::hand::topology::Topology;
+use crate::grasp::linalg::Spatial;
 use crate::grasp::spec::GraspSpec;
 use crate::grasp::weld::bilateral::{BilateralContact, SavedBilateral, normal_resistance};
 use crate::grasp::weld::bounds::Bounds;
-use crate::grasp::weld::impedance::{
-    Fingers, ROWS, for_each_dof, motion, power, reference_point, relative_rows, row_wrench,
-};
+use crate::grasp::weld::impedance::{Fingers, ROWS, dof_motion, for_each_dof, motion, reference_point};
 use crate::grasp::weld::merged_hand::MergedHand;
 use crate::grasp::weld::rows::WELD_ROWS;
 use crate::grasp::weld::six::turn;
@@ -147,21 +146,22 @@ impl MergedSolver {
         self.place_frame(sim);
         self.memory.clear();
         self.rows = None;
-        let target = self.target.index();
+        let (dynamics, target) = (Dynamics::of(sim), self.target.index());
         let velocity = motion(sim, topology, target, sim.qvel());
         let acceleration = motion(sim, topology, target, sim.qacc());
         let mut wrench = Vector6::zeros();
         for c in contacts {
             let soft = softness(&c.parameters, options);
-            let link = motion(sim, topology, c.link, sim.qvel());
-            let v = relative_rows(sim, c, &velocity, &link)[0];
-            let link = motion(sim, topology, c.link, sim.qacc());
-            let a = relative_rows(sim, c, &acceleration, &link)[0];
+            let along_normal = |of_target: &Spatial, rates: &[f64]| {
+                let of_link = motion(sim, topology, c.link, rates);
+                c.along_row(0, &c.relative(&dynamics, [&of_link, of_target]))
+            };
+            let v = along_normal(&velocity, sim.qvel());
+            let a = along_normal(&acceleration, sim.qacc());
             let force = normal_resistance(c, options, soft.regularisation) * c.force_rows[0];
             self.memory.push(SavedBilateral::of(c, a + force + soft.damping * v + soft.spring));
-            for row in 0..ROWS {
-                wrench += row_wrench(c, row, &self.com) * c.force_rows[row];
-            }
+            let on_target = c.wrench_about(&self.com);
+            wrench += Vector6::new(on_target[3], on_target[4], on_target[5], on_target[0], on_target[1], on_target[2]);
         }
         self.wrench = turn(&self.frame.transpose(), &wrench);
         self.soft.begin(self.pose(sim), self.wrench, contacts);
@@ -227,45 +227,41 @@ impl MergedSolver {
                 sim.set_row_friction_limit(row, bound)?;
             }
         }
-        for (block, &i) in self.order.iter().enumerate() {
+        for (&i, internal) in self.order.iter().zip(self.internal.chunks_exact(ROWS)) {
             let c = &contacts[i];
-            let point = reference_point(sim, c.link);
-            let mut internal = Vector6::zeros();
-            for row in 0..ROWS {
-                internal += row_wrench(c, row, &point) * self.internal[ROWS * block + row];
-            }
-            let (push, torque) = (internal.fixed_rows::<3>(0).into(), internal.fixed_rows::<3>(3).into());
-            for_each_dof(sim, topology, c.link, |dof| {
-                out[dof] += power(&sim.cdof()[6 * dof..], &torque, &push);
-            });
+            let along = |rows: &[f64]| c.axes[0] * rows[0] + c.axes[1] * rows[1] + c.axes[2] * rows[2];
+            let (push, spin) = (along(&internal[..3]), along(&internal[3..]));
+            let torque = (c.position - reference_point(sim, c.link)).cross(&push) + spin;
+            let wrench = Spatial::new(torque.x, torque.y, torque.z, push.x, push.y, push.z);
+            for_each_dof(sim, topology, c.link, |dof| out[dof] += dof_motion(sim, dof).dot(&wrench));
         }
         Ok(())
     }
 
     /// Fills `bias` with each row's reference and `internal` with the internal force.
     fn references(&mut self, sim: &Simulation, topology: &Topology, contacts: &[GraspContact]) {
-        let target = self.target.index();
-        let velocity = motion(sim, topology, target, sim.qvel());
-        let acceleration = motion(sim, topology, target, sim.qacc_smooth());
+        let dynamics = Dynamics::of(sim);
+        let of_target = motion(sim, topology, self.target.index(), sim.qacc_smooth());
+        let (mut link, mut of_link) = (None, Spatial::zeros());
         let Scratch { bias, resistances: resisted, .. } = &mut self.scratch;
         bias.clear();
         resisted.clear();
         for (block, &i) in self.order.iter().enumerate() {
             let (c, law) = (&contacts[i], &self.bilateral[block]);
-            let link = motion(sim, topology, c.link, sim.qvel());
-            let mut v = relative_rows(sim, c, &velocity, &link);
-            let link = motion(sim, topology, c.link, sim.qacc_smooth());
-            let a = relative_rows(sim, c, &acceleration, &link);
+            // contacts of one link follow each other, as a rule
+            if link.replace(c.link) != Some(c.link) {
+                of_link = motion(sim, topology, c.link, sim.qacc_smooth());
+            }
+            let (velocity, acceleration) = (c.velocity(&dynamics), c.relative(&dynamics, [&of_link, &of_target]));
             for row in 0..ROWS {
-                v[row] += c.drift_along(row);
                 let kept = if row == 0 {
                     law.offset - law.spring
                 } else {
                     self.merged.resistance(ROWS * block + row) * law.friction[row]
                 };
-                let reference = kept - law.damping * v[row];
+                let reference = kept - law.damping * c.along_row(row, &velocity);
                 bias.push(reference);
-                resisted.push(reference - a[row]);
+                resisted.push(reference - c.along_row(row, &acceleration));
             }
         }
         self.merged.internal(resisted, &mut self.internal);
@@ -301,7 +297,7 @@ impl MergedSolver {
     /// Displacement of the target since the latch and velocity, against the palm, in the rows' axes.
     fn motion_in_palm(&self, sim: &Simulation, topology: &Topology) -> [Vector6<f64>; 2] {
         let at_com = |body: usize| {
-            let [rx, ry, rz, x, y, z] = motion(sim, topology, body, sim.qvel());
+            let [[rx, ry, rz, x, y, z]] = motion(sim, topology, body, sim.qvel()).data.0;
             let (rotation, translation) = (Vector3::new(rx, ry, rz), Vector3::new(x, y, z));
             let v = translation + rotation.cross(&(self.com - reference_point(sim, body)));
             Vector6::new(v.x, v.y, v.z, rx, ry, rz)

@@ -67,11 +67,6 @@ impl GraspContact {
         self.axes[i % 3].dot(&motion[usize::from(i < 3)])
     }
 
-    /// What drift adds to the velocity along row `i`.
-    pub(in crate::grasp) fn drift_along(&self, i: usize) -> f64 {
-        self.along_row(i, &self.drift)
-    }
-
     /// One step on frozen geometry later, after the velocities: the surfaces have moved, the relative velocity has changed with
     /// what the joints' axes have turned, and the last step's forces are what is remembered. Returns the
     /// [velocity](Self::velocity).
