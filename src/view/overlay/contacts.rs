@@ -67,9 +67,13 @@ fn weight(sim: &Simulation, grasp: &Grasp) -> f64 {
     (9.81 * sim.model().body_subtreemass()[grasp.target().index()]).max(1e-6)
 }
 
-/// Of the largest sphere about a geom of the target \[m\].
+/// Between that of the largest sphere about a geom of the target and that of the ball with its mass and least moment of inertia,
+/// which is about how thick it is \[m\]: by the first alone the forces on a baton would be longer than the arms that hold it.
 fn radius(sim: &Simulation, grasp: &Grasp) -> f64 {
-    let (model, target) = (sim.model(), grasp.target().index() as i32);
-    let own = model.geom_bodyid().iter().zip(model.geom_rbound()).filter(|(owner, _)| **owner == target);
-    own.map(|(_, radius)| *radius).fold(0.0, f64::max).max(1e-3)
+    let (model, target) = (sim.model(), grasp.target().index());
+    let own = model.geom_bodyid().iter().zip(model.geom_rbound()).filter(|(owner, _)| **owner == target as i32);
+    let about = own.map(|(_, radius)| *radius).fold(0.0, f64::max).max(1e-3);
+    let inertia = model.body_inertia()[3 * target..3 * target + 3].iter().copied().fold(f64::INFINITY, f64::min);
+    let thick = (2.5 * inertia / model.body_mass()[target]).sqrt();
+    if thick.is_finite() && thick > 0.0 { (about * thick).sqrt().min(about) } else { about }
 }
