@@ -59,12 +59,7 @@ impl History {
     /// Draws the plot in the lower left corner, or beside the keys where it would cover them: for each grasp its quality, the
     /// threshold at which it latches, and its phase, which is at the top while it is latched and else at zero.
     pub fn draw(&mut self, screen: &Screen, grasps: &Grasps, keys: bool) -> Result<(), Error> {
-        let (width, height) = screen.size();
-        let plot = ((width / 3).clamp(1, 460), (2 * height / 5).clamp(1, 260));
-        let left = if keys && height < KEYS_SIZE.1 + plot.1 { KEYS_SIZE.0 } else { 0 };
-        if width < left + plot.0 {
-            return Ok(());
-        }
+        let Some(plot) = place(screen.size(), keys) else { return Ok(()) };
         let mut lines: Vec<(String, [f32; 3], Vec<[f32; 2]>)> = Vec::new();
         let thresholds = grasps.iter().map(|grasp| 1.5 * grasp.latch_quality());
         let qualities = self.points.iter().flat_map(|p| p.grasps.iter().map(|grasp| 1.1 * grasp.0));
@@ -90,9 +85,32 @@ impl History {
         let end = self.points.back().map_or(0.0, |p| p.time);
         let start = self.points.front().map_or(0.0, |p| p.time);
         // the legend is at the right
-        let room = LEGEND / (f64::from(plot.0) - BESIDE).max(2.0 * LEGEND);
+        let room = LEGEND / (f64::from(plot.width) - BESIDE).max(2.0 * LEGEND);
         let right = end + room / (1.0 - room) * (end - start).max(1e-3);
         self.figure.set(&lines, [start as f32, right as f32], top as f32);
-        screen.figure(Rect { left, bottom: 0, width: plot.0, height: plot.1 }, &mut self.figure)
+        screen.figure(plot, &mut self.figure)
+    }
+}
+
+/// Where the plot is in a window of this size; `None` where there is no room.
+fn place((width, height): (u32, u32), keys: bool) -> Option<Rect> {
+    let plot = ((width / 3).clamp(1, 460), (2 * height / 5).clamp(1, 260));
+    let left = if keys && height < KEYS_SIZE.1 + plot.1 { KEYS_SIZE.0 } else { 0 };
+    (left + plot.0 <= width).then_some(Rect { left, bottom: 0, width: plot.0, height: plot.1 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Below 800 pixels of height it lay over the last keys.
+    #[test]
+    fn the_plot_does_not_cover_the_keys() {
+        for size in [(800, 600), (1200, 700), (1200, 900), (640, 480)] {
+            let plot = place(size, true).unwrap();
+            assert!(plot.left >= KEYS_SIZE.0 || plot.height + KEYS_SIZE.1 <= size.1, "{size:?}: {plot:?}");
+            assert_eq!(place(size, false).unwrap().left, 0);
+        }
+        assert!(place((400, 300), true).is_none());
     }
 }
