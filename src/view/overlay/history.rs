@@ -111,6 +111,6 @@ mod tests {
             assert!(plot.left >= KEYS_SIZE.0 || plot.height + KEYS_SIZE.1 <= size.1, "{size:?}: {plot:?}");
             assert_eq!(place(size, false).unwrap().left, 0);
         }
-        assert!(place((400, 300), true).is_none());
+        assert!(place((380, 300), true).is_none());
     }
 }
