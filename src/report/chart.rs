@@ -58,6 +58,8 @@ pub struct TimeChart {
     pub window_s: Option<(f64, f64)>,
     /// Values beyond are cut, so that what is far away does not flatten the rest.
     pub limit: Option<f64>,
+    /// The value axis fits what is within these times \[s\], and some more; what leaves it is cut. All times shown when absent.
+    pub fit_s: Option<(f64, f64)>,
     /// Smallest span of the value axis, so that rounding noise is not blown up.
     pub least_span: f64,
 }
@@ -70,6 +72,8 @@ const LATCHED: RGBColor = RGBColor(242, 242, 242);
 const MERGED: RGBColor = RGBColor(224, 224, 224);
 /// Height of the push's bar, as a part of the panel's.
 const BAR: f64 = 0.035;
+/// Room on either side for what leaves the times that an axis fits, as a part of its span.
+const BEYOND: f64 = 0.25;
 
 impl TimeChart {
     /// Where a page's script draws the time that is looked at: left, right, top and bottom of the axes in the SVG's units.
@@ -124,8 +128,21 @@ impl TimeChart {
 
     fn range(&self) -> (f64, f64) {
         let limit = self.limit.unwrap_or(f64::INFINITY);
-        let values = self.series.iter().flat_map(|s| self.shown(s)).map(|(_, v)| v.clamp(-limit, limit));
-        let (low, high) = range(values.chain(self.levels.iter().copied()), self.least_span).unwrap_or((0.0, 1.0));
+        let (start, end) = self.fit_s.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+        let (mut all, mut fit) = (Vec::new(), self.levels.clone());
+        for (time, value) in self.series.iter().flat_map(|s| self.shown(s)) {
+            let value = value.clamp(-limit, limit);
+            all.push(value);
+            fit.extend((start..=end).contains(&time).then_some(value));
+        }
+        if fit.len() == self.levels.len() {
+            fit.extend(&all);
+        }
+        let (low, high) = range(fit.into_iter(), self.least_span).unwrap_or((0.0, 1.0));
+        // Some more, but no further than there is something.
+        let more = BEYOND * (high - low);
+        let (low, high) =
+            all.into_iter().fold((low, high), |(a, b), v| (a.min(v.max(low - more)), b.max(v.min(high + more))));
         // Room for the push's bar below the curves.
         (low - 2.0 * BAR * (high - low), high)
     }
@@ -214,6 +231,20 @@ mod tests {
         }
         let curve = lines.last().unwrap();
         assert!((curve.last().unwrap()[0] - right).abs() <= 1, "{curve:?}");
+    }
+
+    /// A bottle that was let go flattened all that it had done in the hand.
+    #[test]
+    fn an_axis_fits_the_times_that_it_is_told() {
+        let points = (0..=100).map(|i| f64::from(i) * 0.1).map(|t| (t, if t < 8.0 { t.sin() } else { 60.0 })).collect();
+        let series = vec![Series { label: "full".into(), points }];
+        let chart = |fit_s| TimeChart { series: series.clone(), fit_s, ..TimeChart::default() };
+        assert!(chart(None).range().1 > 60.0);
+        let (low, high) = chart(Some((0.0, 7.9))).range();
+        assert!((-1.5..-1.0).contains(&low) && (1.0..2.0).contains(&high), "{low} {high}");
+        // No further than there are values, and everything where there is nothing to fit.
+        assert_eq!(chart(Some((0.0, 10.0))).range(), chart(None).range());
+        assert_eq!(chart(Some((20.0, 30.0))).range(), chart(None).range());
     }
 
     #[test]

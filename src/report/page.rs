@@ -91,6 +91,16 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
+    /// Two columns where there is room, the second half as wide as the first; else one below the other.
+    pub fn columns<T>(&mut self, first: impl FnOnce(&mut Self), second: impl FnOnce(&mut Self) -> T) -> T {
+        self.body.push_str("<div class=\"columns\"><div>\n");
+        first(self);
+        self.body.push_str("</div><div>\n");
+        let made = second(self);
+        self.body.push_str("</div></div>\n");
+        made
+    }
+
     /// A table; the first row and the first column are headings.
     pub fn table(&mut self, caption: &str, rows: &[Vec<String>]) {
         let caption = escaped(caption);
@@ -169,7 +179,7 @@ impl Page {
         self.body.push_str(include_str!("page/key.html"));
     }
 
-    /// Charts side by side, as many as there is room for. The numbers of each are in the file that `numbers` names, see
+    /// Charts side by side, as many as there is room for. Their numbers are in the file that `numbers` names, see
     /// [`numbers`](Self::numbers).
     ///
     /// # Errors
@@ -186,15 +196,10 @@ impl Page {
             );
             let title = format!("{about}: {}", chart.name());
             self.drawing(&svg, &title, &chart.in_words(), &now);
-            let _ = writeln!(
-                self.body,
-                "<figcaption>{}; numbers: <a href=\"#{}\">{}</a></figcaption></figure>",
-                escaped(chart.name()),
-                anchor(numbers),
-                escaped(numbers)
-            );
+            let _ = writeln!(self.body, "<figcaption>{}</figcaption></figure>", escaped(chart.name()));
         }
-        self.body.push_str("</div>\n");
+        let (anchor, file) = (anchor(numbers), escaped(numbers));
+        let _ = writeln!(self.body, "</div><p class=\"source\">Numbers: <a href=\"#{anchor}\">{file}</a></p>");
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 //! One set of axes with curves: the panels of a motion plot.
 
+use plotters::coord::ranged1d::{BoldPoints, Ranged};
 use plotters::prelude::*;
 
 use super::ReportError;
@@ -67,8 +68,8 @@ impl Panel<'_> {
             .y_desc(self.y_label)
             .axis_desc_style(canvas.font(15.0, INK))
             .label_style(canvas.font(14.0, INK))
-            .x_label_formatter(&|v| tick(*v, tick_step(x1 - x0, X_TICKS)))
-            .y_label_formatter(&|v| tick(*v, tick_step(y1 - y0, Y_TICKS)))
+            .x_label_formatter(&|v| tick(*v, label_step(x0, x1, X_TICKS)))
+            .y_label_formatter(&|v| tick(*v, label_step(y0, y1, Y_TICKS)))
             .axis_style(GREY.stroke_width(canvas.px(1.0) as u32))
             .bold_line_style(RGBColor(222, 222, 222).stroke_width(canvas.px(1.0) as u32))
             .light_line_style(TRANSPARENT)
@@ -123,6 +124,14 @@ pub(crate) fn tick_step(span: f64, ticks: usize) -> f64 {
     steps.into_iter().find(|s| *s >= least * (1.0 - 1e-9)).unwrap_or(10.0 * decade)
 }
 
+/// How far apart the labels of an axis are: plotters chooses them, and not always as [`tick_step`] would.
+pub(crate) fn label_step(low: f64, high: f64, ticks: usize) -> f64 {
+    match Axes::from(low..high).key_points(BoldPoints(ticks))[..] {
+        [first, second, ..] => second - first,
+        _ => tick_step(high - low, ticks),
+    }
+}
+
 /// A tick's label, with the decimals that ticks `step` apart need.
 pub(crate) fn tick(value: f64, step: f64) -> String {
     if value.abs() < 1e-6 * step {
@@ -137,7 +146,7 @@ pub(crate) fn tick(value: f64, step: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{tick, tick_step};
+    use super::{label_step, tick, tick_step};
 
     #[test]
     fn ticks_have_the_decimals_that_their_step_needs() {
@@ -147,6 +156,12 @@ mod tests {
         assert_eq!(tick(-1e-17, tick_step(1.0, 5)), "0");
         assert_eq!(tick(0.015, tick_step(0.02, 5)), "0.015");
         assert_eq!(tick(2e-6, tick_step(1e-5, 5)), "2.0e-6");
+    }
+
+    /// They were "0", "0", "1", "2", "2".
+    #[test]
+    fn labels_half_a_unit_apart_have_a_decimal() {
+        assert_eq!([0.0, 0.5, 1.0].map(|v| tick(v, label_step(-0.33, 2.4, 5))), ["0", "0.5", "1.0"]);
     }
 
     #[test]

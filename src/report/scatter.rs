@@ -9,7 +9,7 @@ use plotters::style::text_anchor::HPos;
 use super::ReportError;
 use super::canvas::{BLUE, Canvas, Figure, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, text_width};
 use super::legend::{self, Sample};
-use super::panel::{tick, tick_step};
+use super::panel::{label_step, tick};
 
 /// Points of one kind: held, slid.
 #[derive(Debug, Clone, Default)]
@@ -107,7 +107,7 @@ impl Scatter {
         Y::CoordDescType: ValueFormatter<f64>,
     {
         let label = |v: &f64| {
-            if self.log { log_tick(*v) } else { tick(*v, tick_step(high - low, TICKS)) }
+            if self.log { log_tick(*v) } else { tick(*v, label_step(low, high, TICKS)) }
         };
         let mut chart = ChartBuilder::on(&canvas.area)
             .margin_top(canvas.px(8.0))

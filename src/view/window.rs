@@ -28,6 +28,8 @@ use crate::whole_file::write_whole;
 
 /// Width and height at first.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1200, 900);
+/// Nothing that is written in it covers anything else down to this size.
+const LEAST: LogicalSize<u32> = LogicalSize::new(800, 600);
 /// Time of a frame, at least.
 const FRAME: Duration = Duration::from_micros(16_667);
 /// Longest time that one frame gives to steps.
@@ -251,7 +253,7 @@ impl App {
             bars::draw(screen, session.sim(), session.grasps())?;
         }
         if shown.plot {
-            self.history.draw(screen, session.grasps())?;
+            self.history.draw(screen, session.grasps(), shown.keys)?;
         }
         if std::mem::take(&mut self.wants_picture) {
             let path = PathBuf::from(format!("{}-{}.png", session.plan().name, session.steps()));
@@ -372,6 +374,7 @@ impl ApplicationHandler for App {
             return;
         }
         let window = Window::default_attributes().with_title(self.title()).with_inner_size(SIZE);
+        let window = window.with_min_inner_size(LEAST);
         match Screen::open(self.poses.model(), events, window) {
             Ok(screen) => {
                 self.shown.shadows = !screen.is_software();

@@ -175,6 +175,9 @@ fn the_numbers_are_those_of_the_runs(html: &str, out: &Path, pair: &Value) {
         let peak = pair[mode]["peak_motion_m"].as_f64().unwrap() * 1e3;
         assert!((measured.fold(0.0, f64::max) - peak).abs() < 1e-3 * peak, "{mode}");
     }
+    // They begin shortly before the latch, not with the way of the hand.
+    let (first, latched) = (column(&plots, "time_s")[0].unwrap(), pair["grasp"]["latched_at_s"].as_f64().unwrap());
+    assert!(first < latched && first > latched - 0.2, "{first} {latched}");
     let apart: Vec<f64> = column(&plots, "grasp against full: positions apart [um]").into_iter().flatten().collect();
     let rms = (apart.iter().map(|v| v * v).sum::<f64>() / apart.len() as f64).sqrt();
     let told = pair["compare"]["position_rmse_m"].as_f64().unwrap() * 1e6;

@@ -16,6 +16,16 @@ const FRAME: (u32, u32) = (400, 320);
 const COLUMNS: usize = 6;
 /// Plots stop here: what is lost falls for metres \[mm\].
 pub const PLOTTED_MOTION_MM: f64 = 60.0;
+/// So much of what is plotted is before the latch.
+const BEFORE: f64 = 0.05;
+
+/// Plots begin here \[s\]: shortly before the grasp latches or measuring starts. The way of the hand to its target would take the
+/// room of what happens in it.
+pub fn plotted_from(plan: &Plan, latched_at: Option<f64>) -> f64 {
+    let timeline = plan.timeline;
+    let first = timeline.measure_from().min(latched_at.unwrap_or(f64::INFINITY));
+    (first - BEFORE * (timeline.duration - first)).max(0.0)
+}
 
 /// Writes `motion-PUSH.svg` and `strip-PUSH.png` for each push. Results are there without pictures: what fails is said
 /// and left out.
@@ -86,7 +96,7 @@ fn motion(plan: &Plan, pair: &Pair, push: Option<&Push>, path: &Path) -> anyhow:
         marks,
         thresholds,
         traces,
-        window_s: Some((plan.timeline.pin_until.min(plan.timeline.measure_from()), end)),
+        window_s: Some((plotted_from(plan, pair.grasp.as_ref().and_then(|run| run.summary.latched_at_s)), end)),
         motion_limit_mm: Some(PLOTTED_MOTION_MM),
     }
     .save(path)?;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use mujoco_grasp::grasp::Limits;
-use mujoco_grasp::mujoco::Simulation;
+use mujoco_grasp::grasp::{Grasp, GraspId, Limits};
+use mujoco_grasp::mujoco::{Camera, Simulation};
 use mujoco_grasp::report::{Frame, Look, Recording, ReportError, TimeSeries, View};
 use mujoco_grasp::scenario::moment::Moment;
 use mujoco_grasp::scenario::outcome::Motion;
@@ -11,7 +11,9 @@ use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::{Pair, Run};
 use mujoco_grasp::scenario::runner::{Mode, Runner};
 use mujoco_grasp::scenario::trajectory::Trajectory;
+use nalgebra::Vector3;
 
+use crate::artist::pose_at;
 use crate::pictures::describe;
 use crate::report::charts::{Facts, of_grasp};
 
@@ -26,9 +28,10 @@ pub fn save(plan: &Plan, pairs: &[Pair], path: &Path) -> anyhow::Result<u64> {
     let facts: Vec<Facts> = grasps.map(|(index, grasp)| Facts::of(&plan.model, index, grasp)).collect();
     let several = facts.len() > 1;
     let prefix = |facts: &Facts| if several { format!("grasp{}/", facts.index) } else { String::new() };
-    let mut recording =
-        Recording::new(&format!("mujoco-grasp {}", plan.name), &views(pairs, facts.iter().map(prefix)))?;
     let mut sim = Simulation::new(&plan.model)?;
+    let eye = eye(plan, pairs, &runner.grasps()[GraspId::FIRST], &mut sim)?;
+    let views = views(pairs, facts.iter().map(prefix), eye);
+    let mut recording = Recording::new(&format!("mujoco-grasp {}", plan.name), &views)?;
     for pair in pairs {
         let push = plan.pushes.iter().find(|p| p.name == pair.push);
         recording.begin(&format!("{}, {}", plan.name, describe(push)))?;
@@ -50,19 +53,41 @@ fn frame(moment: &Moment) -> Frame<'_> {
     Frame { time_s: moment.time, qpos: &moment.qpos, forces }
 }
 
+/// From where the pictures of a run are taken, and what is in their middle; `None` where there is nothing to see.
+fn eye(plan: &Plan, pairs: &[Pair], grasp: &Grasp, sim: &mut Simulation) -> anyhow::Result<Option<[Vector3<f64>; 2]>> {
+    let from = plan.timeline.measure_from();
+    let first = pairs.iter().flat_map(Pair::runs).find_map(|run| pose_at(run, from).or(pose_at(run, 0.0)));
+    let Some(qpos) = first else { return Ok(None) };
+    sim.qpos_mut().copy_from_slice(qpos);
+    sim.kinematics()?;
+    let camera = Camera::for_grasp(sim, grasp.palm(), grasp.target())?.freed(sim, sim.body_com(grasp.target()))?;
+    let Camera::Free { lookat, distance, azimuth_deg, elevation_deg } = camera else { return Ok(None) };
+    let ((sin, cos), (up, level)) = (azimuth_deg.to_radians().sin_cos(), elevation_deg.to_radians().sin_cos());
+    Ok(Some([lookat - distance * Vector3::new(level * cos, level * sin, up), lookat]))
+}
+
 /// A scene for each mode, and below them the plots of each grasp.
-fn views(pairs: &[Pair], prefixes: impl Iterator<Item = String>) -> Vec<View> {
+fn views(pairs: &[Pair], prefixes: impl Iterator<Item = String>, eye: Option<[Vector3<f64>; 2]>) -> Vec<View> {
     let there = |mode: &Mode| pairs.iter().flat_map(Pair::runs).any(|run| run.mode == *mode);
     let modes = [Mode::Full, Mode::Grasp].into_iter().filter(there).map(Mode::name);
-    let scene = |mode| View::scene(&format!("{mode}: forces, 1 cm for 1 N"), &format!("scene/{mode}"));
+    let scene = |mode: &str| {
+        let colour = if mode == Mode::Full.name() { "blue" } else { "orange" };
+        let name = format!("{mode}, {colour} in the plots; forces: 1 cm for 1 N");
+        let scene = View::scene(&name, &format!("scene/{mode}"));
+        match eye {
+            Some([from, at]) => scene.seen_from(from.into(), at.into()),
+            None => scene,
+        }
+    };
+    let plot = |name: String, at: String| View::plot(&name, &at).without_legend();
     let mut views: Vec<View> = modes.map(scene).collect();
     for at in prefixes {
         views.extend([
-            View::plot(&format!("{at}motion of the target in the palm [mm]"), &format!("{at}motion_mm")),
-            View::plot(&format!("{at}normal forces [N]"), &format!("{at}normal_force_n")),
-            View::plot(&format!("{at}quality, Q_Th, Q_M [N]"), &format!("{at}quality_n")),
-            View::plot(&format!("{at}friction over its limit [1]"), &format!("{at}friction_over_limit")),
-            View::plot(&format!("{at}phase: 1 latched, 2 on frozen geometry"), &format!("{at}phase")),
+            plot(format!("{at}motion of the target in the palm [mm]"), format!("{at}motion_mm")),
+            plot(format!("{at}normal forces [N]"), format!("{at}normal_force_n")),
+            plot(format!("{at}quality, Q_Th, Q_M [N]"), format!("{at}quality_n")),
+            plot(format!("{at}friction over its limit [1]"), format!("{at}friction_over_limit")),
+            plot(format!("{at}phase: 1 latched, 2 on frozen geometry"), format!("{at}phase")),
             View::texts(&format!("{at}events"), &format!("{at}events")),
         ]);
     }

@@ -50,6 +50,14 @@ for (const film of document.querySelectorAll(".film")) {
 
   button.addEventListener("click", () => (playing === null ? play() : stop()));
   slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
+  slider.addEventListener("keydown", (event) => {
+    if (event.key === " ") { event.preventDefault(); button.click(); }
+  });
   film.querySelector(".controls").hidden = false;
   show(first);
 }
+// A table is a stop for the keyboard only while there is something to scroll.
+const tables = new ResizeObserver((changes) => {
+  for (const { target } of changes) target.tabIndex = target.scrollWidth > target.clientWidth ? 0 : -1;
+});
+for (const table of document.querySelectorAll(".table")) tables.observe(table);

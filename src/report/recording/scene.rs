@@ -96,6 +96,9 @@ impl Recording {
             GeomKind::Plane => {
                 let [x, y] = [x, y].map(|half| if half > 0.0 { half } else { ENDLESS as f32 });
                 let flat = Boxes3D::from_half_sizes([(x, y, 0.0)]);
+                // Without its texture a white floor would outshine what stands on it.
+                let [r, g, b, a] = color[0].to_array();
+                let color = [Color::from_unmultiplied_rgba(r / 2, g / 2, b / 2, a)];
                 self.log_static(path, &flat.with_colors(color).with_fill_mode(solid))
             }
             GeomKind::Box => {

@@ -12,7 +12,8 @@ struct Bar {
 }
 
 /// \[px\]
-const NAME: u32 = 110;
+const NAME: (u32, u32) = (110, 220);
+const CHARACTER: u32 = 7;
 const LENGTH: u32 = 150;
 const LINE: u32 = 20;
 const GAP: u32 = 3;
@@ -24,7 +25,9 @@ const GROUND: [f32; 4] = [0.1, 0.1, 0.1, 0.6];
 pub fn draw(screen: &Screen, sim: &Simulation, grasps: &Grasps) -> Result<(), Error> {
     let bars: Vec<Bar> = grasps.iter().flat_map(|grasp| of(sim, grasp)).take(MOST).collect();
     let (width, height) = screen.size();
-    let (total, top) = (NAME + LENGTH, LINE * bars.len() as u32 + GAP);
+    let longest = bars.iter().map(|bar| bar.name.len() as u32).max().unwrap_or(0);
+    let name = (CHARACTER * longest).clamp(NAME.0, NAME.1);
+    let (total, top) = (name + LENGTH, LINE * bars.len() as u32 + GAP);
     if width < total || height < top {
         return Ok(());
     }
@@ -32,12 +35,12 @@ pub fn draw(screen: &Screen, sim: &Simulation, grasps: &Grasps) -> Result<(), Er
         let bottom = GAP + LINE * (bars.len() - 1 - i) as u32;
         let row = |left: u32, width: u32| Rect { left, bottom, width, height: LINE - GAP };
         let left = width - total;
-        screen.label(row(left, NAME), GROUND, &bar.name)?;
-        screen.rectangle(row(left + NAME, LENGTH), GROUND)?;
+        screen.label(row(left, name), GROUND, &bar.name)?;
+        screen.rectangle(row(left + name, LENGTH), GROUND)?;
         let length = (f64::from(LENGTH) * bar.share.clamp(0.0, 1.0)).round() as u32;
         let [r, g, b] = load_colour(bar.share);
         if length > 0 {
-            screen.rectangle(row(left + NAME, length), [r, g, b, 0.9])?;
+            screen.rectangle(row(left + name, length), [r, g, b, 0.9])?;
         }
     }
     Ok(())

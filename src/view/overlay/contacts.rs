@@ -16,11 +16,14 @@ const SHAFT: f64 = 0.025;
 /// A force like the target's weight is as long as this part of the target's radius: a hand that holds it against a push presses
 /// several times as hard, and its cones are to leave something to be seen.
 const WEIGHT: f64 = 0.5;
+/// The largest normal force is at most as long: hands press up to a hundred times as hard as their target weighs.
+const LONGEST: f64 = 1.5;
 
 /// Adds the contacts of a grasp: discs and cones, and forces.
 pub fn add(sim: &Simulation, grasp: &Grasp, (contacts, forces): (bool, bool), drawing: &mut Drawing) {
     let radius = radius(sim, grasp);
-    let scale = WEIGHT * radius / weight(sim, grasp);
+    let largest = grasp.contacts().iter().map(GraspContact::normal_force).fold(1e-6, f64::max);
+    let scale = radius * (WEIGHT / weight(sim, grasp)).min(LONGEST / largest);
     let cone = sim.model().cone();
     for contact in grasp.contacts() {
         let share = contact.friction_share(cone).unwrap_or(0.0);
@@ -67,9 +70,36 @@ fn weight(sim: &Simulation, grasp: &Grasp) -> f64 {
     (9.81 * sim.model().body_subtreemass()[grasp.target().index()]).max(1e-6)
 }
 
-/// Of the largest sphere about a geom of the target \[m\].
+/// Between that of the largest sphere about a geom of the target and that of the ball with its mass and least moment of inertia,
+/// which is about how thick it is \[m\]: by the first alone the forces on a baton would be longer than the arms that hold it.
 fn radius(sim: &Simulation, grasp: &Grasp) -> f64 {
-    let (model, target) = (sim.model(), grasp.target().index() as i32);
-    let own = model.geom_bodyid().iter().zip(model.geom_rbound()).filter(|(owner, _)| **owner == target);
-    own.map(|(_, radius)| *radius).fold(0.0, f64::max).max(1e-3)
+    let (model, target) = (sim.model(), grasp.target().index());
+    let own = model.geom_bodyid().iter().zip(model.geom_rbound()).filter(|(owner, _)| **owner == target as i32);
+    let about = own.map(|(_, radius)| *radius).fold(0.0, f64::max).max(1e-3);
+    let inertia = model.body_inertia()[3 * target..3 * target + 3].iter().copied().fold(f64::INFINITY, f64::min);
+    let thick = (2.5 * inertia / model.body_mass()[target]).sqrt();
+    if thick.is_finite() && thick > 0.0 { (about * thick).sqrt().min(about) } else { about }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasp::{GraspId, Phase};
+    use crate::scenario::plan::Plan;
+    use crate::view::Session;
+
+    /// Those on the baton of the handover were longer than the arms.
+    #[test]
+    fn forces_are_not_much_longer_than_the_target_is_thick() {
+        let mut session = Session::new(&Plan::load("handover").unwrap()).unwrap();
+        while session.time() < 2.5 {
+            session.step().unwrap();
+        }
+        let grasp = &session.grasps()[GraspId::FIRST];
+        assert_eq!(grasp.phase(), Phase::Grasped);
+        let mut drawing = Drawing::default();
+        add(session.sim(), grasp, (false, true), &mut drawing);
+        let longest = drawing.arrows.iter().map(|arrow| arrow.vector.norm()).fold(0.0, f64::max);
+        assert!((0.02..0.12).contains(&longest), "{longest} m");
+    }
 }

@@ -3,15 +3,18 @@
 use std::collections::VecDeque;
 
 use super::colour;
+use super::status::KEYS_SIZE;
 use crate::grasp::{Grasps, Phase};
 use crate::mujoco::{Error, Figure, Line, Rect, Screen};
 
 /// Length of the plot \[s\].
 const WINDOW: f64 = 6.0;
-/// Room for the legend, in parts of the length.
-const LEGEND: f64 = 0.3;
-/// Where the phase of a latched grasp is drawn, in parts of its threshold.
-const LATCHED: f64 = 1.2;
+/// Room for the legend, and for what is beside the axes \[px\].
+const LEGEND: f64 = 88.0;
+const BESIDE: f64 = 57.0;
+/// Where the phase of a latched grasp is drawn, in parts of the plot's height; those of further grasps are below it.
+const LATCHED: f64 = 0.96;
+const BELOW: f64 = 0.04;
 
 /// What was.
 pub struct History {
@@ -53,16 +56,17 @@ impl History {
         }
     }
 
-    /// Draws the plot in the lower left corner: for each grasp its quality, the threshold at which it latches, and its
-    /// phase, which is above the threshold while it is latched and else at zero.
-    pub fn draw(&mut self, screen: &Screen, grasps: &Grasps) -> Result<(), Error> {
-        let (width, height) = screen.size();
-        let (width, height) = ((width / 3).clamp(1, 460), (height / 3).clamp(1, 260));
+    /// Draws the plot in the lower left corner, or beside the keys where it would cover them: for each grasp its quality, the
+    /// threshold at which it latches, and its phase, which is at the top while it is latched and else at zero.
+    pub fn draw(&mut self, screen: &Screen, grasps: &Grasps, keys: bool) -> Result<(), Error> {
+        let Some(plot) = place(screen.size(), keys) else { return Ok(()) };
         let mut lines: Vec<(String, [f32; 3], Vec<[f32; 2]>)> = Vec::new();
-        let mut top = 0.0_f64;
+        let thresholds = grasps.iter().map(|grasp| 1.5 * grasp.latch_quality());
+        let qualities = self.points.iter().flat_map(|p| p.grasps.iter().map(|grasp| 1.1 * grasp.0));
+        let top = thresholds.chain(qualities).fold(0.0, f64::max);
         for (index, grasp) in grasps.iter().enumerate() {
             let threshold = grasp.latch_quality();
-            top = top.max(1.5 * threshold);
+            let latched_at = (LATCHED - BELOW * index as f64) * top;
             let curve = |value: &dyn Fn((f64, bool)) -> f64| -> Vec<[f32; 2]> {
                 let own = self.points.iter().filter_map(|p| Some((p.time, *p.grasps.get(index)?)));
                 own.map(|(time, point)| [time as f32, value(point) as f32]).collect()
@@ -75,18 +79,38 @@ impl History {
                 curve(&|(quality, _)| quality),
             ));
             lines.push((format!("Q_Th{number}"), [0.7, 0.7, 0.7], curve(&|_| threshold)));
-            lines.push((
-                format!("latched{number}"),
-                [r, g, b],
-                curve(&|(_, latched)| LATCHED * threshold * f64::from(latched)),
-            ));
+            lines.push((format!("latched{number}"), [r, g, b], curve(&|(_, latched)| latched_at * f64::from(latched))));
         }
         let lines: Vec<Line<'_>> = lines.iter().map(|(name, rgb, points)| Line { name, rgb: *rgb, points }).collect();
         let end = self.points.back().map_or(0.0, |p| p.time);
         let start = self.points.front().map_or(0.0, |p| p.time);
         // the legend is at the right
-        let right = end + LEGEND * (end - start).max(1e-3);
+        let room = LEGEND / (f64::from(plot.width) - BESIDE).max(2.0 * LEGEND);
+        let right = end + room / (1.0 - room) * (end - start).max(1e-3);
         self.figure.set(&lines, [start as f32, right as f32], top as f32);
-        screen.figure(Rect { left: 0, bottom: 0, width, height }, &mut self.figure)
+        screen.figure(plot, &mut self.figure)
+    }
+}
+
+/// Where the plot is in a window of this size; `None` where there is no room.
+fn place((width, height): (u32, u32), keys: bool) -> Option<Rect> {
+    let plot = ((width / 3).clamp(1, 460), (2 * height / 5).clamp(1, 260));
+    let left = if keys && height < KEYS_SIZE.1 + plot.1 { KEYS_SIZE.0 } else { 0 };
+    (left + plot.0 <= width).then_some(Rect { left, bottom: 0, width: plot.0, height: plot.1 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Below 800 pixels of height it lay over the last keys.
+    #[test]
+    fn the_plot_does_not_cover_the_keys() {
+        for size in [(800, 600), (1200, 700), (1200, 900), (640, 480)] {
+            let plot = place(size, true).unwrap();
+            assert!(plot.left >= KEYS_SIZE.0 || plot.height + KEYS_SIZE.1 <= size.1, "{size:?}: {plot:?}");
+            assert_eq!(place(size, false).unwrap().left, 0);
+        }
+        assert!(place((380, 300), true).is_none());
     }
 }

@@ -56,6 +56,9 @@ fn lines(text: &str) -> Vec<String> {
     lines
 }
 
+/// Width and height of the list of keys, as the engine's font has it \[px\].
+pub const KEYS_SIZE: (u32, u32) = (262, 540);
+
 /// The list of keys, at the left.
 pub fn draw_keys(screen: &Screen) -> Result<(), Error> {
     let column =

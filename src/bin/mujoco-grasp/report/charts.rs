@@ -10,7 +10,7 @@ use mujoco_grasp::scenario::plan::{Plan, Push};
 use mujoco_grasp::scenario::run::{Pair, Run};
 use mujoco_grasp::scenario::trajectory::{Sample, Trajectory};
 
-use crate::pictures::PLOTTED_MOTION_MM;
+use crate::pictures::{PLOTTED_MOTION_MM, plotted_from};
 
 /// Grounds and costs are told of so long a time [s].
 const BIN: f64 = 0.04;
@@ -90,6 +90,8 @@ pub struct Told<'a> {
     /// Name, trajectory.
     modes: Vec<(&'static str, &'a Trajectory)>,
     tiers: Vec<Tier>,
+    /// From when on there is something to see [s].
+    start: f64,
 }
 
 /// The trajectory and numbers of a grasp by its place in the scenario.
@@ -103,29 +105,34 @@ pub fn of_grasp(run: &Run, index: usize) -> (&Trajectory, &Summary) {
 impl<'a> Told<'a> {
     pub fn new(plan: &'a Plan, facts: &'a Facts, pair: &'a Pair, push: Option<&'a Push>) -> Self {
         let modes = pair.runs().map(|run| (run.mode.name(), of_grasp(run, facts.index).0)).collect();
-        let grasp = pair.grasp.as_ref().map(|run| of_grasp(run, facts.index).0);
-        let tiers = grasp.map(|trajectory| tiers(trajectory.samples())).unwrap_or_default();
-        Self { plan, facts, push, pair, modes, tiers }
+        let grasp = pair.grasp.as_ref().map(|run| of_grasp(run, facts.index));
+        let tiers = grasp.map(|(trajectory, _)| tiers(trajectory.samples())).unwrap_or_default();
+        let start = plotted_from(plan, grasp.and_then(|(_, summary)| summary.latched_at_s));
+        Self { plan, facts, push, pair, modes, tiers, start }
+    }
+
+    /// While it holds, where both modes lose the target in the end: how that falls is not what the axes are for.
+    fn held(&self) -> Option<(f64, f64)> {
+        let from = self.plan.timeline.measure_from();
+        let lost = self.modes.iter().all(|(_, trajectory)| lost_at(trajectory, from).is_some());
+        self.tiers.first().zip(self.tiers.last()).filter(|_| lost).map(|(first, last)| (first.start_s, last.end_s))
     }
 
     fn chart(&self, y_label: impl Into<String>, series: Vec<Series>) -> TimeChart {
-        let timeline = self.plan.timeline;
         TimeChart {
             y_label: y_label.into(),
             series,
             tiers: self.tiers.clone(),
             push_s: self.push.map(|p| (p.start, p.end)),
-            window_s: Some((timeline.pin_until.min(timeline.measure_from()), timeline.duration)),
+            window_s: Some((self.start, self.plan.timeline.duration)),
             ..TimeChart::default()
         }
     }
 
     /// A quantity of each step in each mode, from the start of the window on.
     fn series(&self, value: impl Fn(&Trajectory, usize) -> f64) -> Vec<Series> {
-        let timeline = self.plan.timeline;
-        let start = timeline.pin_until.min(timeline.measure_from());
         let of_mode = |(mode, trajectory): &(&str, &Trajectory)| {
-            let first = trajectory.index_at(start).unwrap_or(trajectory.samples().len());
+            let first = trajectory.index_at(self.start).unwrap_or(trajectory.samples().len());
             let point = |i: usize| (trajectory.samples()[i].time, value(trajectory, i));
             Series { label: (*mode).to_owned(), points: (first..trajectory.samples().len()).map(point).collect() }
         };
@@ -141,7 +148,8 @@ impl<'a> Told<'a> {
         };
         let motion = |label: &str, value: fn(&Motion) -> f64| {
             let series = self.series(|t, i| moved(t, i).map_or(f64::NAN, |m| value(&m)));
-            TimeChart { limit: Some(PLOTTED_MOTION_MM), least_span: 0.01, ..self.chart(label, series) }
+            let fit_s = self.held();
+            TimeChart { limit: Some(PLOTTED_MOTION_MM), fit_s, least_span: 0.01, ..self.chart(label, series) }
         };
         let mut charts = vec![
             motion("distance moved [mm]", |m| m.offset.norm() * 1e3),

@@ -129,24 +129,33 @@ fn push(
     let push = plan.pushes.iter().find(|p| p.name == pair.push);
     let about = film::about(plan, pair);
     page.section(&push.map_or_else(|| "Without push".to_owned(), |p| format!("Push {}", describe(Some(p)))));
-    match film {
+    let of =
+        |grasp: &Facts| if facts.len() > 1 { format!(", {} by {}", grasp.target, grasp.palm) } else { String::new() };
+    let seen = |page: &mut Page| match film {
         Ok((film, stills)) => {
             page.film(film);
             page.heading("Telling moments");
             page.stills(&about, stills);
         }
         Err(why) => page.text(why),
-    }
-    let mut numbers = Vec::new();
+    };
+    let counted = |page: &mut Page| {
+        for grasp in facts {
+            let of = of(grasp);
+            page.heading(&format!("In numbers{of}"));
+            in_numbers(page, pair, grasp.index, &format!("{about}{of}"));
+        }
+    };
+    page.columns(seen, counted);
+    let (mut numbers, mut costs) = (Vec::new(), Vec::new());
     for grasp in facts {
-        let of = if facts.len() > 1 { format!(", {} by {}", grasp.target, grasp.palm) } else { String::new() };
+        let of = of(grasp);
         let told = Told::new(plan, grasp, pair, push);
-        page.heading(&format!("In numbers{of}"));
-        in_numbers(page, pair, grasp.index, &format!("{about}{of}"));
         let n = if grasp.index > 0 { format!(".grasp{}", grasp.index) } else { String::new() };
         let (plots, contacts) = (format!("plots-{}{n}.csv", pair.push), format!("contacts-{}.csv", pair.push));
-        let (motion, forces, cost) = (told.motion(), told.forces(), told.cost());
+        let (motion, forces) = (told.motion(), told.forces());
         page.heading(&format!("Motion of the target{of}"));
+        page.text("From shortly before the latch. Where the target is lost in the end, the axes fit what was until it was let go.");
         page.key();
         page.charts(&about, &motion, &plots)?;
         page.heading(&format!("Quality and normal forces of each finger{of}"));
@@ -156,28 +165,35 @@ fn push(
         page.charts(&about, &told.friction(), &contacts)?;
         let mut plotted: Vec<TimeChart> = motion.into_iter().chain(forces).collect();
         if grasp.index == 0 {
-            page.heading("Cost of a step");
-            page.charts(&about, std::slice::from_ref(&cost), &plots)?;
-            plotted.push(cost);
+            costs.push(told.cost());
+            plotted.extend(costs.iter().cloned());
         }
         numbers.push((plots, "what the charts show, in their units".to_owned(), charts::numbers(&plotted)?));
     }
     let contacts = charts::contacts(plan, pair)?;
     numbers.push((format!("contacts-{}.csv", pair.push), "every contact, 25 times a second".to_owned(), contacts));
-    page.heading("Numbers to download");
     let files = trajectories(pair, out);
     let size: u64 = files.iter().filter_map(|f| f.metadata().ok()).map(|m| m.len()).sum();
-    if size * plan.pushes.len().max(1) as u64 > MOST_NUMBERS {
-        page.text("The trajectories, a row for each step, are long: they are in files of their own beside this page.");
-    } else {
-        for file in files {
-            let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-            numbers.push((name, "trajectory, a row for each step".to_owned(), text));
-        }
+    let too_long = size * plan.pushes.len().max(1) as u64 > MOST_NUMBERS;
+    for file in files.iter().filter(|_| !too_long) {
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        numbers.push((name, "trajectory, a row for each step".to_owned(), text));
     }
-    page.numbers(&numbers);
-    Ok(())
+    let downloads = |page: &mut Page| {
+        page.heading("Numbers to download");
+        if too_long {
+            page.text(
+                "The trajectories, a row for each step, are long: they are in files of their own beside this page.",
+            );
+        }
+        page.numbers(&numbers);
+    };
+    let cost = |page: &mut Page| {
+        page.heading("Cost of a step");
+        page.charts(&about, &costs, &numbers[0].0)
+    };
+    Ok(page.columns(downloads, cost)?)
 }
 
 /// What `run` has written of these runs.
