@@ -2,6 +2,7 @@
 
 use crate::errors::SpecError;
 use mujoco_grasp::grasp::FROZEN_TOLERANCE;
+use mujoco_grasp::scenario::file::wrong_frozen_tolerance;
 use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyOverflowError;
 use pyo3::intern;
@@ -43,11 +44,14 @@ pub fn threads(value: &Bound<'_, PyAny>) -> PyResult<Option<usize>> {
 
 /// A tolerance \[rad\].
 pub fn frozen_tolerance(value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    let angle: Option<f64> = value.extract().ok();
-    angle.filter(|angle| angle.is_finite() && *angle >= 0.0).ok_or_else(|| {
-        let shown = value.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
-        SpecError::new_err(format!("frozen_tolerance is {shown}; it must be an angle in rad, finite and at least 0"))
-    })
+    let angle = value.extract().unwrap_or(f64::NAN);
+    match wrong_frozen_tolerance(angle) {
+        None => Ok(angle),
+        Some(expected) => {
+            let shown = value.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
+            Err(SpecError::new_err(format!("frozen_tolerance is {shown}; {expected}")))
+        }
+    }
 }
 
 /// The numbers of an array of this shape, row by row, or of what numpy makes one of.

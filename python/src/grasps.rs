@@ -27,7 +27,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 ///         yet, see `add`.
 ///     palm: Base of the fingers, every link below may hold. None: the lowest common ancestor of the effectors, and
 ///         without any, the only hand that can touch the target.
-///     frozen_tolerance: Angle by which anything may turn between two whole steps, rad; with 0 every step is whole.
+///     frozen_tolerance: Angle by which anything may turn between two whole steps, rad, at most 0.1; with 0 every step is
+///         whole.
 ///
 /// Options of the grasp; None is each one's default, too:
 ///     effectors: Links that may hold the target, names or numbers of bodies; none: every link below the palm.

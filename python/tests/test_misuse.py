@@ -80,6 +80,8 @@ def test_names_that_do_not_exist():
         ("effectors", ["ball"]),
         ("frozen_tolerance", np.nan),
         ("frozen_tolerance", -1e-3),
+        ("frozen_tolerance", 0.2),
+        ("frozen_tolerance", 1),
         ("frozen_tolerance", "a"),
         ("frozen_tolerance", None),
     ],

@@ -274,8 +274,8 @@ pub(super) fn file_name(field: Field, name: &str) -> Result<(), Error> {
 /// Beyond this the contacts of the last whole step say little of where anything is now \[rad\].
 const LARGEST_FROZEN_TOLERANCE: f64 = 0.1;
 
-/// What is wrong with a frozen tolerance, and what would be right.
-pub(super) fn wrong_frozen_tolerance(angle: f64) -> Option<&'static str> {
+/// What is wrong with a frozen tolerance \[rad\], and what would be right; `None` of one that is right.
+pub fn wrong_frozen_tolerance(angle: f64) -> Option<&'static str> {
     (!(0.0..=LARGEST_FROZEN_TOLERANCE).contains(&angle)).then_some(
         "it must be from 0 to 0.1 rad: what turns further between two whole steps has left the contacts that are held still",
     )
