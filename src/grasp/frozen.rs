@@ -175,10 +175,10 @@ impl Grasps {
 
     /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (rows
     /// beside a grasp with limits "box" or "rigid" that only the engine's solver can solve), "changed" (it has just latched, or
-    /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped), "swings" (a pause, as
-    /// hand and target swung to and fro between whole steps),
-    /// "handover" (a hand that may latch reaches for what another holds; see [`Grasp::allow_latch`]),
-    /// "turned" and "slid" (further than the tolerance), "near" (something else may touch something).
+    /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped),
+    /// "swings" (a pause, as hand and target swung to and fro between whole steps), "handover" (a hand that may latch reaches for
+    /// what another holds; see [`Grasp::allow_latch`]), "turned" and "slid" (further than the tolerance), "near" (something else may
+    /// touch something).
     pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Obstacle::NAMES.into_iter().zip(self.frozen.whole).filter(|(_, count)| *count > 0)
     }
