@@ -14,6 +14,7 @@
 mod motion;
 
 use super::Grasps;
+use super::cones::dynamics::Dynamics;
 use super::controller::Grasp;
 use super::error::Error;
 use super::hand::topology::Topology;
@@ -294,8 +295,8 @@ impl Frozen {
     /// After a step: whether a hand and its target now go back, by their momentum, from where they went when the last whole step
     /// was made.
     pub fn swings_back(&self, sim: &Simulation, hand: &Topology) -> bool {
-        let parent = |&dof: &usize| usize::try_from(sim.model().dof_parentid()[dof]).ok();
-        let of_target = std::iter::successors(hand.leaf(hand.target()), parent);
+        let dynamics = Dynamics::of(sim);
+        let of_target = hand.leaf(hand.target()).into_iter().flat_map(|leaf| dynamics.with_ancestors(leaf));
         let (mut mass, mut energy, mut across) = (0.0, 0.0, 0.0);
         for dof in hand.fingers().iter().flatten().copied().chain(of_target) {
             let (m, v) = (sim.model().dof_M0()[dof], sim.qvel()[dof]);

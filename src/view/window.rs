@@ -373,8 +373,8 @@ impl ApplicationHandler for App {
         if self.screen.is_some() {
             return;
         }
-        let window = Window::default_attributes().with_title(self.title()).with_inner_size(SIZE);
-        let window = window.with_min_inner_size(LEAST);
+        let window =
+            Window::default_attributes().with_title(self.title()).with_inner_size(SIZE).with_min_inner_size(LEAST);
         match Screen::open(self.poses.model(), events, window) {
             Ok(screen) => {
                 self.shown.shadows = !screen.is_software();

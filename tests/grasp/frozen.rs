@@ -220,7 +220,6 @@ fn going_in_and_out_of_frozen_geometry_is_no_bump() {
     }
 }
 
-/// Friction losses with a noslip pass are for the engine's solver, and so is every step beside them.
 /// Contact points that roll three times as far as their bodies move, and are found a few steps late, keep up a trembling of 1 mm/s
 /// (MuJoCo 2.2.2, where they are found by iterations). Whole steps bring it to rest, and at rest steps are frozen again.
 #[test]
@@ -241,6 +240,7 @@ fn a_trembling_that_late_contacts_keep_up_ends() {
     assert!(frozen > 150, "{frozen} of 200 steps were frozen");
 }
 
+/// Friction losses with a noslip pass are for the engine's solver, and so is every step beside them.
 #[test]
 fn a_merged_grasp_beside_rows_of_the_engines_solver_is_stepped_whole() {
     for (noslip, frozen) in [(0, true), (5, false)] {
