@@ -52,7 +52,7 @@ def main():
     with rollout.Rollout(nthread=threads) as pool:
         for _ in range(CALLS):
             push = np.zeros((nsim, model.nbody, 6))
-            push[:, clutch.ball, :3] = 0.3 * rng.standard_normal((nsim, 3))
+            push[:, clutch.body, :3] = 0.3 * rng.standard_normal((nsim, 3))
             began = time.perf_counter()
             batch.step(STEPS, ctrl=ctrl, xfrc_applied=push)
             times["grasp"] += time.perf_counter() - began
