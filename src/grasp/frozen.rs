@@ -34,6 +34,9 @@ pub const TOLERANCE: f64 = 2e-3;
 /// hands that hold one target press on each other through their arms.
 const CARRIED: f64 = 0.2;
 
+/// Most steps with one inertia.
+const INERTIA_STEPS: usize = 4 * MAX_STEPS;
+
 /// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole
 /// steps only.
 const SETTLED: usize = 3;
@@ -59,8 +62,12 @@ const LATE: f64 = 2e-5;
 pub(super) struct Frozen {
     /// After the last step of these grasps.
     stamp: Option<Stamp>,
-    /// This step is frozen.
-    now: bool,
+    /// What this step has of an earlier one.
+    now: Option<Kept>,
+    /// By how much things have [turned](CARRIED) since the inertia was made \[rad\], and in how many steps.
+    since_inertia: (f64, usize),
+    /// What [`motion`](Self::motion) found after the last step.
+    moved: Option<(f64, f64)>,
     /// This stretch of frozen steps has had a [swing](Self::swings_back); how many have, see [`SWINGS`]; what is left of the pause
     /// after them; and the velocity after the last whole step.
     swung: bool,
@@ -93,7 +100,9 @@ impl Default for Frozen {
     fn default() -> Self {
         Frozen {
             stamp: None,
-            now: false,
+            now: None,
+            since_inertia: (0.0, 0),
+            moved: None,
             swung: false,
             swings: 0,
             pause: 0,
@@ -126,14 +135,17 @@ impl Grasps {
         }
         if let Some(obstacle) = self.obstacle(sim) {
             self.frozen.whole[obstacle as usize] += 1;
-            return self.step(sim);
+            self.frozen.now = self.may_keep_inertia(sim, obstacle).then_some(Kept::Inertia);
+            let made = self.step(sim);
+            self.frozen.now = None;
+            return made;
         }
         if self.frozen.steps == 0 {
             self.measure_turn(sim);
         }
-        self.frozen.now = true;
+        self.frozen.now = Some(Kept::Geometry);
         let made = sim.step_frozen(self);
-        self.frozen.now = false;
+        self.frozen.now = None;
         match made {
             Ok(()) => {
                 let swings = |grasp: &Grasp| self.frozen.swings_back(sim, grasp.topology());
@@ -211,6 +223,19 @@ impl Grasps {
         }
     }
 
+    /// Whether a whole step of which only the state is wanted may have the inertia of an earlier one, and the factors that
+    /// take most of the time where there are many joints: what it changes by as bodies turn moves no contact's lever arm.
+    fn may_keep_inertia(&mut self, sim: &Simulation, obstacle: Obstacle) -> bool {
+        let known = !matches!(obstacle, Obstacle::Merged | Obstacle::Changed | Obstacle::Handover);
+        if !known || self.list.iter().any(|grasp| grasp.phase() != Phase::Grasped) {
+            return false;
+        }
+        let (angle, _) = self.frozen.motion(sim);
+        let (turned, steps) = &mut self.frozen.since_inertia;
+        *turned += CARRIED * angle;
+        *turned < self.frozen.tolerance && *steps < INERTIA_STEPS
+    }
+
     /// Why the next step has to be a whole one, if it has.
     fn obstacle(&mut self, sim: &Simulation) -> Option<Obstacle> {
         let merged = self.latched().filter(|grasp| grasp.is_merged()).count();
@@ -255,6 +280,15 @@ impl Grasps {
     }
 }
 
+/// What a step has of an earlier one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kept {
+    /// The inertia and its factors.
+    Inertia,
+    /// All that follows from positions.
+    Geometry,
+}
+
 /// Why a step of a latched grasp is made whole although only the state is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Obstacle {
@@ -277,7 +311,17 @@ impl Obstacle {
 impl Frozen {
     /// True in the midst of a frozen step.
     pub fn is_now(&self) -> bool {
-        self.now
+        self.now == Some(Kept::Geometry)
+    }
+
+    /// True in the midst of a step with positions of its own, but not the inertia that follows from them.
+    pub fn keeps_inertia(&self) -> bool {
+        self.now == Some(Kept::Inertia)
+    }
+
+    /// True in the midst of either.
+    pub fn wants_state_only(&self) -> bool {
+        self.now.is_some()
     }
 
     /// Before a whole step.
@@ -287,7 +331,7 @@ impl Frozen {
 
     /// In a frozen step: how the contact forces have turned since the last whole one joins the passive forces.
     pub fn add_turn(&self, sim: &mut Simulation) {
-        if self.now {
+        if self.is_now() {
             axpy((self.steps + 1) as f64, &self.turn, sim.qfrc_passive_mut());
         }
     }
@@ -316,6 +360,11 @@ impl Frozen {
         } else {
             self.pause = self.pause.saturating_sub(1);
         }
+        if !self.keeps_inertia() {
+            self.since_inertia = (0.0, 0);
+        }
+        self.since_inertia.1 += 1;
+        self.moved = None;
         self.velocity.clear();
         self.velocity.extend_from_slice(sim.qvel());
         self.steps = 0;
@@ -331,6 +380,8 @@ impl Frozen {
             return;
         }
         self.steps += 1;
+        self.since_inertia.1 += 1;
+        self.moved = None;
         self.count += 1;
         self.stamp = Some(sim.stamp());
         let step = sim.model().timestep();

@@ -74,6 +74,10 @@ impl Hooks for Grasps {
         self.latched().next().is_some()
     }
 
+    fn keeps_inertia(&self) -> bool {
+        self.frozen.keeps_inertia()
+    }
+
     /// Collision detection; the contacts of latched grasps do not go on to the engine's solve.
     fn collision(&mut self, sim: &mut Simulation) -> Result<(), Error> {
         if self.detect_alone(sim)? {
@@ -131,7 +135,7 @@ impl Hooks for Grasps {
                 for grasp in &self.list {
                     grasp.write_row_forces(sim);
                 }
-                if self.frozen.is_now() {
+                if self.frozen.wants_state_only() {
                     sim.impose_forces_to_integrate(&self.force.generalised)?;
                 } else {
                     sim.impose_constraint_forces(&self.force.generalised)?;
@@ -141,7 +145,7 @@ impl Hooks for Grasps {
         for grasp in self.list.iter_mut().filter(|g| g.is_merged()) {
             grasp.read_merged(sim);
         }
-        if self.frozen.is_now() {
+        if self.frozen.wants_state_only() {
             return Ok(());
         }
         let mut offset = 0;

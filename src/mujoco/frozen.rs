@@ -41,11 +41,16 @@ impl Simulation {
         hooks.constraint(self)?;
         self.checked(hooks, Self::check_acc)?;
         hooks.observe(self)?;
+        Ok(self.integrate_again()?)
+    }
+
+    /// The model's integrator, with the factors that the last whole step has left.
+    pub(super) fn integrate_again(&mut self) -> Result<(), Error> {
         let euler = !matches!(self.model().integrator(), Integrator::Implicit | Integrator::ImplicitFast);
         // SAFETY: model and data belong together, and the last whole step has left the factor.
-        Ok(self.run("mj_EulerSkip, mj_implicitSkip", |m, d| unsafe {
+        self.run("mj_EulerSkip, mj_implicitSkip", |m, d| unsafe {
             if euler { mj_EulerSkip(m, d, 1) } else { mj_implicitSkip(m, d, 1) }
-        })?)
+        })
     }
 
     /// Lengths of tendons and actuators one step on, once their velocities are known; and the tendons' springs with them.

@@ -205,7 +205,8 @@ impl Simulation {
             self.compare_forward_inverse()?;
         }
         hooks.observe(self)?;
-        Ok(self.integrate()?)
+        let integrated = if hooks.keeps_inertia() { self.integrate_again() } else { self.integrate() };
+        Ok(integrated?)
     }
 
     /// One of the engine's checks, after which it may have gone back to its initial configuration.
@@ -223,26 +224,36 @@ impl Simulation {
     }
 
     fn forward_in_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
-        let energy = self.model().enable_flags() & ffi::mjENBL_ENERGY != 0;
+        let kept = hooks.keeps_inertia();
+        let energy = !kept && self.model().enable_flags() & ffi::mjENBL_ENERGY != 0;
         self.kinematics()?;
-        self.inertia()?;
+        if !kept {
+            self.inertia()?;
+        }
         hooks.collision(self)?;
         hooks.make_constraint(self)?;
         self.transmission()?;
         hooks.project_constraint(self)?;
-        self.sensor_pos()?;
+        if !kept {
+            self.sensor_pos()?;
+        }
         if energy {
             self.energy_pos()?;
         }
         self.velocity()?;
-        self.sensor_vel()?;
+        if !kept {
+            self.sensor_vel()?;
+        }
         if energy {
             self.energy_vel()?;
         }
         self.actuation()?;
         self.acceleration()?;
         hooks.constraint(self)?;
-        Ok(self.sensor_acc()?)
+        if !kept {
+            self.sensor_acc()?;
+        }
+        Ok(())
     }
 }
 
@@ -254,6 +265,12 @@ pub(crate) trait Hooks {
     /// False: there is nothing to replace, and the engine's forward dynamics run as a whole.
     fn in_stages(&self) -> bool {
         true
+    }
+
+    /// True for a step in stages of which only the state is wanted, with the inertia and its factors of an earlier one; sensors and
+    /// energy stay what they are.
+    fn keeps_inertia(&self) -> bool {
+        false
     }
 
     /// Collision detection.

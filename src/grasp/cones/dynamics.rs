@@ -1,7 +1,7 @@
 //! The engine's smooth dynamics as a grasp solve reads it.
 //!
 //! Spatial vectors are `[rotation; translation]` about the centre of mass of the body's kinematic tree, as MuJoCo's
-//! `cdof`, `crb` and `cvel`.
+//! `cdof` and `cvel`.
 
 use crate::grasp::linalg::Spatial;
 use crate::mujoco::{MassRows, Simulation};
@@ -12,8 +12,6 @@ use nalgebra::Vector3;
 pub struct Dynamics<'a> {
     /// Parent of each degree of freedom, -1 at the base.
     pub dof_parent: &'a [i32],
-    /// Body of each degree of freedom.
-    pub dof_body: &'a [i32],
     /// `L` of the mass matrix (`qLD`).
     pub factor: MassRows<'a>,
     /// The mass matrix.
@@ -24,8 +22,6 @@ pub struct Dynamics<'a> {
     pub dof_axis: &'a [f64],
     /// How fast that turns (`cdof_dot`).
     pub axis_rate: &'a [f64],
-    /// Inertia of each body with all that hangs on it (`crb`).
-    pub composite_inertia: &'a [f64],
     /// Root body of each body's tree.
     pub body_root: &'a [i32],
     /// Centre of mass of each body's subtree, world.
@@ -44,13 +40,11 @@ impl<'a> Dynamics<'a> {
         let model = sim.model();
         Dynamics {
             dof_parent: model.dof_parentid(),
-            dof_body: model.dof_bodyid(),
             factor: sim.mass_factor(),
             inertia: sim.mass_rows(),
             inverse_diagonal: sim.qLDiagInv(),
             dof_axis: sim.cdof(),
             axis_rate: sim.cdof_dot(),
-            composite_inertia: sim.crb(),
             body_root: model.body_rootid(),
             subtree_com: sim.subtree_com(),
             body_velocity: sim.cvel(),
@@ -116,20 +110,5 @@ impl<'a> Dynamics<'a> {
             at.iter_mut().filter(|next| **next == Some(dof)).for_each(|next| *next = self.parent(dof));
             Some(dof)
         })
-    }
-
-    /// Momentum of the subtree at `dof` per unit of its velocity: `crb * cdof`, a column of the mass matrix in space.
-    pub fn momentum(&self, dof: usize) -> Spatial {
-        let body = self.dof_body[dof] as usize;
-        let i = &self.composite_inertia[10 * body..10 * body + 10];
-        let v = &self.dof_axis[6 * dof..6 * dof + 6];
-        Spatial::new(
-            i[0] * v[0] + i[3] * v[1] + i[4] * v[2] - i[8] * v[4] + i[7] * v[5],
-            i[3] * v[0] + i[1] * v[1] + i[5] * v[2] + i[8] * v[3] - i[6] * v[5],
-            i[4] * v[0] + i[5] * v[1] + i[2] * v[2] - i[7] * v[3] + i[6] * v[4],
-            i[8] * v[1] - i[7] * v[2] + i[9] * v[3],
-            i[6] * v[2] - i[8] * v[0] + i[9] * v[4],
-            i[7] * v[0] - i[6] * v[1] + i[9] * v[5],
-        )
     }
 }

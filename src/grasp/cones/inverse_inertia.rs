@@ -31,6 +31,8 @@ pub struct BodyInverseInertia {
     /// Whitened axes of the chain's degrees of freedom, the columns of `J L^-1 D^-1/2`; of a chain that is longer than its
     /// rank, `factor^-1` times those, which are orthonormal rows.
     columns: Vec<Spatial>,
+    /// See [`find_accelerations`](Self::find_accelerations).
+    accelerations: Vec<Spatial>,
 }
 
 impl BodyInverseInertia {
@@ -116,6 +118,32 @@ impl BodyInverseInertia {
     pub fn own(&self, wrench: &Spatial, out: &mut [f64]) {
         for (k, out) in out.iter_mut().take(self.rank()).enumerate() {
             *out = self.factor.column(k).dot(wrench);
+        }
+    }
+
+    /// What a joint that the body carries resists as the body accelerates, per unit of `y`, into as many entries as its rank;
+    /// `row` are the joint's entries in the mass matrix, for the chain's degrees of freedom.
+    fn coupling(&self, row: impl Iterator<Item = f64>, out: &mut [f64]) {
+        let sum = self.accelerations.iter().zip(row).fold(Spatial::zeros(), |sum, (a, m)| sum + a * m);
+        let rank = self.rank();
+        out[..rank].copy_from_slice(&sum.as_slice()[..rank]);
+    }
+
+    /// After [`update`](Self::update), of a body that carries others: what each degree of freedom of the chain accelerates by,
+    /// per unit of `y`.
+    pub fn find_accelerations(&mut self, dynamics: &Dynamics<'_>) {
+        let n = self.chain.len();
+        self.accelerations.clear();
+        for (k, &dof) in self.chain.iter().enumerate() {
+            // where the chain is no longer than its rank, `y` is of its joints
+            let whitened = if n > 6 { self.columns[k] } else { Spatial::ith(k, 1.0) };
+            self.accelerations.push(whitened * dynamics.inverse_diagonal[dof].sqrt());
+        }
+        for k in (0..n).rev() {
+            let (done, ancestors) = self.accelerations.split_at_mut(k + 1);
+            for (ancestor, l) in ancestors.iter().zip(dynamics.ancestors_factor(self.chain[k])) {
+                done[k] -= ancestor * l;
+            }
         }
     }
 
@@ -216,8 +244,8 @@ impl FingerInverseInertia {
     /// coupling to the palm, and their part of the mass matrix.
     pub fn set_inertia(&self, dynamics: &Dynamics<'_>, palm: &BodyInverseInertia, arrow: &mut Arrow, offset: usize) {
         for (k, &dof) in self.dofs.iter().enumerate() {
-            palm.own(&dynamics.momentum(dof), arrow.inertia_row(offset + k).0);
             let ancestors = std::iter::successors(Some(k), |&k| self.parents[k]);
+            palm.coupling(dynamics.inertia.row(dof).skip(ancestors.clone().count()), arrow.inertia_row(offset + k).0);
             for (j, entry) in ancestors.zip(dynamics.inertia.row(dof)) {
                 arrow.inertia_row(offset + k).1[offset + j] = entry;
                 arrow.inertia_row(offset + j).1[offset + k] = entry;

@@ -183,6 +183,7 @@ impl GraspSolver {
     ) {
         let palm = if topology.palm() == 0 { None } else { topology.leaf(topology.palm()) };
         self.inverse_inertia.palm.update(dynamics, palm);
+        self.inverse_inertia.palm.find_accelerations(dynamics);
         self.inverse_inertia.target.update(dynamics, topology.leaf(topology.target()));
         self.groups.form(dynamics, &self.inverse_inertia, contacts, coupled);
         self.arrow.begin(self.inverse_inertia.palm.rank() + self.inverse_inertia.target.rank());

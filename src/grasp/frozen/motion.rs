@@ -32,6 +32,14 @@ impl Frozen {
 
     /// The largest angle and the longest way of anything since the last whole step \[rad, m\]; infinite if one is no number.
     pub(super) fn motion(&mut self, sim: &Simulation) -> (f64, f64) {
+        if let Some(moved) = self.moved {
+            return moved;
+        }
+        let moved = self.measure_motion(sim);
+        *self.moved.insert(moved)
+    }
+
+    fn measure_motion(&mut self, sim: &Simulation) -> (f64, f64) {
         let model = sim.model();
         if self.origin != Some(model.origin()) {
             self.reach = reach(model);
@@ -124,7 +132,8 @@ mod tests {
         assert!(close(frozen.approach(&sim, [arm, nail]), 0.02 * 0.04));
         assert_eq!(frozen.approach(&sim, [a, nail]), 0.0);
         assert!(close(frozen.approach(&sim, [0, a]), way) || close(frozen.approach(&sim, [0, b]), way));
-        frozen.travel[1] = f64::NAN;
+        assert_eq!(frozen.motion(&sim), (angle, way));
+        (frozen.travel[1], frozen.moved) = (f64::NAN, None);
         assert_eq!(frozen.motion(&sim), (f64::INFINITY, f64::INFINITY));
         assert!(frozen.approach(&sim, [a, b]).is_nan());
     }
