@@ -189,7 +189,7 @@ impl Grasps {
     /// Why steps of latched grasps of which only the state was wanted were whole ones nevertheless, and how many: "merged" (rows
     /// beside a grasp with limits "box" or "rigid" that only the engine's solver can solve), "changed" (it has just latched, or
     /// something was changed from outside), "refresh" (after 12 frozen ones), "contacts" (some have just come, gone or jumped),
-    /// "swings" (a pause, as hand and target swung to and fro between whole steps), "handover" (a hand that may latch reaches for
+    /// "swings" (a pause, as the target swung to and fro between whole steps), "handover" (a hand that may latch reaches for
     /// what another holds; see [`Grasp::allow_latch`]), "turned" and "slid" (further than the tolerance), "near" (something else may
     /// touch something).
     pub fn whole_steps(&self) -> impl Iterator<Item = (&'static str, u64)> {
@@ -336,13 +336,12 @@ impl Frozen {
         }
     }
 
-    /// After a step: whether a hand and its target now go back, by their momentum, from where they went when the last whole step
-    /// was made.
+    /// After a step: whether the target now goes back, by its momentum, from where it went when the last whole step was made.
     pub fn swings_back(&self, sim: &Simulation, hand: &Topology) -> bool {
         let dynamics = Dynamics::of(sim);
         let of_target = hand.leaf(hand.target()).into_iter().flat_map(|leaf| dynamics.with_ancestors(leaf));
         let (mut mass, mut energy, mut across) = (0.0, 0.0, 0.0);
-        for dof in hand.fingers().iter().flatten().copied().chain(of_target) {
+        for dof in of_target {
             let (m, v) = (sim.model().dof_M0()[dof], sim.qvel()[dof]);
             mass += m;
             energy += m * v * v;

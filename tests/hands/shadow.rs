@@ -216,3 +216,22 @@ fn a_pen_is_carried_and_let_go() {
     let agreement = (0.0002, 0.15);
     carry("shadow_pen.toml", &Bounds { moves: [0.0015, 0.0015], links: 3, surplus: 1, palm: true, agreement });
 }
+
+/// Joints of next to no inertia tremble against their friction in whole steps too, at a few mrad/s: no reason to make more of them.
+#[test]
+fn a_block_at_rest_stays_on_frozen_geometry_though_fingers_chatter() {
+    let Some(assets) = wheel::assets() else { return };
+    let plan = load(&assets, "shadow_block.toml");
+    let mut runner = Runner::new(&plan, Mode::Grasp, None).unwrap();
+    runner.advance_to(CARRY.start).unwrap();
+    let object = runner.grasp().target();
+    let (mut sim, mut grasps) = runner.into_parts();
+    grasps.steps(&mut sim, 1000).unwrap();
+    let (before, start) = (grasps.frozen_steps(), sim.body_position(object));
+    grasps.steps(&mut sim, 1000).unwrap();
+    let (frozen, moved) = (grasps.frozen_steps() - before, (sim.body_position(object) - start).norm());
+    let whole: Vec<_> = grasps.whole_steps().collect();
+    println!("{frozen} of 1000 steps frozen; the block has come {moved} m; whole steps since the latch: {whole:?}");
+    assert!(frozen > 850, "{frozen} of 1000 steps were frozen: {whole:?}");
+    assert!(moved < 2e-5, "the block creeps {moved} m in two seconds");
+}
