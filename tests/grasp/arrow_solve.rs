@@ -3,7 +3,7 @@
 use crate::oracle;
 use clarabel::solver::SupportedConeT;
 use mujoco_grasp::grasp::cones::arrow::{Arrow, ROOT, RootVector};
-use mujoco_grasp::grasp::contact::cost::{ActiveSet, Bound, Cost};
+use mujoco_grasp::grasp::contact::cost::{ActiveSet, Bound, Cost, MAX_ROWS};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use proptest::test_runner::TestRng;
@@ -30,7 +30,8 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
     bytes[..8].copy_from_slice(&seed.to_le_bytes());
     let mut rng = TestRng::from_seed(prop::test_runner::RngAlgorithm::ChaCha, &bytes);
     let root = ROOT;
-    let fingers: Vec<usize> = (0..5).map(|i| 1 + (seed as usize + i) % 4).collect();
+    // finger 2 is joined to other joints
+    let fingers: Vec<usize> = (0..5).map(|i| if i == 2 { 9 } else { 1 } + (seed as usize + i) % 4).collect();
     let size = root + fingers.iter().sum::<usize>();
     let mut contacts = Vec::new();
     // finger 2 has two contacts, finger 4 none, and one contact is the palm's
@@ -74,7 +75,7 @@ fn random_problem(seed: u64, slip: bool) -> Problem {
 
 /// The problem as an arrow, contacts expected where `zone` says of their number in its order, which is returned. The problem
 /// is posed in unknowns in which the inertia is the identity; the arrow gets each finger's in joints `d` of its own,
-/// `w = T d + K z`.
+/// `w = T d + K z`, but the first of more than five as they are.
 fn arrow_of(problem: &Problem, zone: impl Fn(usize) -> ActiveSet) -> (Arrow, Vec<&Contact>) {
     let mut arrow = Arrow::default();
     let mut order = Vec::new();
@@ -85,9 +86,15 @@ fn arrow_of(problem: &Problem, zone: impl Fn(usize) -> ActiveSet) -> (Arrow, Vec
         let t =
             DMatrix::from_fn(joints, joints, |i, j| if i == j { 1.3 } else { 0.4 * (1.0 + (i * 3 + j) as f64).sin() });
         let k = DMatrix::from_fn(joints, ROOT, |i, j| 0.3 * ((i * 7 + j * 2) as f64).cos());
+        let free = joints.saturating_sub(5);
+        let t = DMatrix::from_fn(joints, joints, |i, j| match i.min(j) < free {
+            true => f64::from(i == j),
+            false => t[(i, j)],
+        });
+        let k = DMatrix::from_fn(joints, ROOT, |i, j| if i < free { 0.0 } else { k[(i, j)] });
         let (inertia, coupling) = (t.transpose() * &t, t.transpose() * &k);
         arrow.begin_branch(joints);
-        for j in 0..joints {
+        for j in free..joints {
             let (root, own) = arrow.inertia_row(j);
             root.iter_mut().zip(coupling.row(j).iter()).for_each(|(out, x)| *out = *x);
             own.iter_mut().zip(inertia.row(j).iter()).for_each(|(out, x)| *out = *x);
@@ -330,4 +337,23 @@ fn a_single_is_a_block_of_one_entry() {
         assert!((force - other).abs() < 1e-12 && zone == as_block, "{a:?} {b:?}");
     }
     assert!((a.3 - b.3).abs() < 1e-14);
+}
+
+#[test]
+fn forces_that_are_kept_go_on_moving_all_rows_as_they_did() {
+    for seed in 0..20 {
+        let problem = random_problem(seed, false);
+        let (mut arrow, order) = arrow_of(&problem, |_| ActiveSet::Stick);
+        assert!(arrow.solve(&mut [0.0; ROOT]).converged, "problem {seed}");
+        let before: Vec<Vec<f64>> = (0..order.len()).map(|block| arrow.residual(block).to_vec()).collect();
+        arrow.keep(|_, force| *force, |_, force| force);
+        for block in 0..order.len() {
+            arrow.recost(block, Cost::Still, ActiveSet::Open, &[0.0; MAX_ROWS]);
+        }
+        arrow.solve(&mut [0.0; ROOT]);
+        for (block, before) in before.iter().enumerate() {
+            let apart = arrow.residual(block).iter().zip(before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-4, "problem {seed}, contact {block}: {apart} apart");
+        }
+    }
 }

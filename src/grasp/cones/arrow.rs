@@ -168,6 +168,7 @@ impl Arrow {
             rows: 0,
             root: self.root,
             width: joints,
+            free: joints,
             stride,
             matrix: self.matrix.len(),
             local: self.point.len(),
@@ -185,7 +186,8 @@ impl Arrow {
 
     /// The inertia of joint `joint` of the present branch: `N` of the root's unknowns and `M` of the branch's own.
     pub fn inertia_row(&mut self, joint: usize) -> (&mut [f64], &mut [f64]) {
-        let Some(branch) = self.branches.last() else { return (&mut [], &mut []) };
+        let Some(branch) = self.branches.last_mut() else { return (&mut [], &mut []) };
+        branch.free = branch.free.min(joint);
         let start = branch.square + joint * branch.stride;
         let (root, own) = self.inertia[start..start + branch.stride].split_at_mut(branch.root);
         (root, &mut own[..branch.width])
@@ -246,7 +248,9 @@ impl Arrow {
 
     /// Ends a branch: its inertia is set.
     pub fn end_branch(&mut self) {
-        let Some(&branch) = self.branches.last() else { return };
+        let Some(branch) = self.branches.last_mut() else { return };
+        branch.free -= branch.free % LANES;
+        let branch = *branch;
         self.inertia_factor.extend_from_slice(&self.inertia[branch.square..]);
         self.factorize_inertia(branch);
     }

@@ -17,6 +17,9 @@ pub(super) struct Branch {
     pub root: usize,
     /// Unknowns of its own.
     pub width: usize,
+    /// The first of them that have the identity for their inertia, and nothing to do with the others or the root but by rows; whole vectors
+    /// of them.
+    pub free: usize,
     /// Length of `[root; own]`, filled up with zeros to a multiple of [`LANES`].
     pub stride: usize,
     /// Offset of `[Y X]`, one row of `stride` for each of the branch's.
@@ -83,36 +86,42 @@ impl Branch {
         }
     }
 
-    /// The branch's rows of a square array.
+    /// The branch's rows of a square array, from `first` on.
     #[inline(always)]
-    fn own_rows<'a>(&self, square: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
-        square[self.square..self.square + self.width * self.stride].chunks_exact(self.stride)
+    fn own_rows<'a>(&self, square: &'a [f64], first: usize) -> std::slice::ChunksExact<'a, f64> {
+        square[self.square + first * self.stride..self.square + self.width * self.stride].chunks_exact(self.stride)
     }
 
     /// `[N' d; N z + M d]` of the inertia's rows and `[z; d]`.
     #[inline(always)]
     pub fn momentum(&self, inertia: &[f64], point: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
-        for (j, row) in self.own_rows(inertia).enumerate() {
-            out[self.root + j] = dot_lanes(row, point);
-            axpy_lanes(point[self.root + j], &row[..self.root], &mut out[..self.root]);
+        let coupled = self.root + self.free;
+        out[..self.root].fill(0.0);
+        out[self.root..coupled].copy_from_slice(&point[self.root..coupled]);
+        out[coupled..].fill(0.0);
+        for (j, row) in (coupled..).zip(self.own_rows(inertia, self.free)) {
+            out[j] = dot_lanes(row, point);
+            axpy_lanes(point[j], &row[..self.root], &mut out[..self.root]);
         }
     }
 
     /// Factors a branch's own rows `[B H]`, lower triangle, the last unknown first: `H = L' D L`, as the engine factors its
     /// mass matrix, so that all rows are read from their beginning. Leaves rows of `[D^-1 L^-T B, L - 1]` and the inverse
-    /// pivots, and subtracts `B' H^-1 B` from the root's lower triangle.
+    /// pivots, and subtracts `B' H^-1 B` from the root's lower triangle. The first `free` rows are the identity's.
     #[inline(always)]
-    pub fn factorize(&self, own: &mut [f64], pivots: &mut [f64], root: &mut [f64]) {
+    pub fn factorize(&self, own: &mut [f64], pivots: &mut [f64], root: &mut [f64], free: usize) {
         let stride = self.stride;
-        for j in (0..self.width).rev() {
-            let (above, rest) = own.split_at_mut(j * stride);
+        let (unit, own) = own.split_at_mut(free * stride);
+        unit.fill(0.0);
+        pivots[..free].fill(1.0);
+        for j in (free..self.width).rev() {
+            let (above, rest) = own.split_at_mut((j - free) * stride);
             let row = &mut rest[..stride];
             let inverse = 1.0 / row[self.root + j].max(f64::MIN_POSITIVE);
             pivots[j] = inverse;
             row[self.root + j..].fill(0.0);
             for (i, above) in above.chunks_exact_mut(stride).enumerate() {
-                let x = row[self.root + i];
+                let x = row[self.root + free + i];
                 if x != 0.0 {
                     axpy_lanes(-x * inverse, row, above);
                 }
@@ -125,11 +134,12 @@ impl Branch {
         }
     }
 
-    /// What `[y; x]` of a right-hand side is once the own unknowns are eliminated: `y - B' H^-1 x`, and `L^-T x`.
+    /// What `[y; x]` of a right-hand side is once the own unknowns are eliminated: `y - B' H^-1 x`, and `L^-T x`. The factor's
+    /// first `free` rows are the identity's.
     #[inline(always)]
-    pub fn sweep(&self, factor: &[f64], vector: &mut [f64]) {
-        for (j, row) in self.own_rows(factor).enumerate().rev() {
-            let x = vector[self.root + j];
+    pub fn sweep(&self, factor: &[f64], vector: &mut [f64], free: usize) {
+        for (j, row) in self.own_rows(factor, free).enumerate().rev() {
+            let x = vector[self.root + free + j];
             if x != 0.0 {
                 // a row of the factor ends before its own unknown
                 axpy_lanes(-x, row, vector);
@@ -140,7 +150,7 @@ impl Branch {
     /// `J M^-1 J'` of the row that is in `vector`, which is used up.
     #[inline(always)]
     pub fn mobility(&self, factor: &[f64], pivots: &[f64], vector: &mut [f64]) -> f64 {
-        self.sweep(factor, vector);
+        self.sweep(factor, vector, self.free);
         let (root, own) = vector.split_at(self.root);
         let pivots = &pivots[self.pivot..self.pivot + self.width];
         dot_lanes(root, root) + own.iter().zip(pivots).map(|(x, inverse)| x * x * inverse).sum::<f64>()
@@ -155,11 +165,12 @@ impl Branch {
         }
     }
 
-    /// The own unknowns, where the root is what it is in `[z; x]`: `x <- L^-1 x - H^-1 B z`.
+    /// The own unknowns, where the root is what it is in `[z; x]`: `x <- L^-1 x - H^-1 B z`. The factor's first
+    /// `free` rows are the identity's.
     #[inline(always)]
-    pub fn back(&self, factor: &[f64], vector: &mut [f64]) {
-        let factor = &factor[self.square..self.square + self.width * self.stride];
-        forward(factor, self.stride, self.root, self.width, vector);
+    pub fn back(&self, factor: &[f64], vector: &mut [f64], free: usize) {
+        let factor = &factor[self.square + free * self.stride..self.square + self.width * self.stride];
+        forward(factor, self.stride, self.root + free, self.width - free, vector);
     }
 
     /// Adds `J' C J` of one block to the lower triangle of the root's Hessian and the branch's own rows.

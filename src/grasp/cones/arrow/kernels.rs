@@ -70,7 +70,7 @@ impl Arrow {
     fn factor_inertia(&mut self, branch: Branch) {
         let factor = &mut self.inertia_factor[branch.square..];
         let pivots = &mut self.inertia_pivots[branch.pivot..];
-        unrolled!(branch => branch.factorize(factor, pivots, &mut self.coupling));
+        unrolled!(branch => branch.factorize(factor, pivots, &mut self.coupling, branch.free));
     }
 
     #[inline(always)]
@@ -129,7 +129,7 @@ impl Arrow {
                 for (row, f) in branch.rows(&self.matrix).zip(&self.start[branch.row0..]) {
                     axpy_lanes(*f, row, point);
                 }
-                branch.sweep(&self.inertia_factor, point);
+                branch.sweep(&self.inertia_factor, point, branch.free);
                 axpy_lanes(1.0, &point[..branch.root], &mut root[..branch.root]);
                 branch.scale(&self.inertia_pivots, point);
             });
@@ -144,7 +144,7 @@ impl Arrow {
             unrolled!(branch => {
                 let point = &mut self.point[branch.local..branch.local + branch.stride];
                 point[..branch.root].copy_from_slice(&z[..branch.root]);
-                branch.back(&self.inertia_factor, point);
+                branch.back(&self.inertia_factor, point, branch.free);
             });
         }
     }
@@ -215,7 +215,7 @@ impl Arrow {
                 let local = branch.local..branch.local + branch.stride;
                 let step = &mut self.step[local.clone()];
                 step.iter_mut().zip(&self.gradient[local]).for_each(|(out, x)| *out = -x);
-                branch.sweep(&self.hessian.factor, step);
+                branch.sweep(&self.hessian.factor, step, 0);
                 axpy_lanes(1.0, &step[..branch.root], &mut root[..branch.root]);
                 branch.scale(&self.hessian.pivots, step);
             });
@@ -225,7 +225,7 @@ impl Arrow {
             unrolled!(branch => {
                 let step = &mut self.step[branch.local..branch.local + branch.stride];
                 step[..branch.root].copy_from_slice(&root[..branch.root]);
-                branch.back(&self.hessian.factor, step);
+                branch.back(&self.hessian.factor, step, 0);
                 let slope = &mut self.slope[branch.row0..];
                 branch.apply(&self.matrix, &self.step, |i, moved| slope[i] = moved);
             });
@@ -258,7 +258,7 @@ impl Arrow {
                 for b in &blocks[branch.blocks.0..branch.blocks.1] {
                     branch.add_block(b, matrix, stiff, eliminated, own);
                 }
-                branch.factorize(own, &mut hessian.pivots[branch.pivot..], eliminated);
+                branch.factorize(own, &mut hessian.pivots[branch.pivot..], eliminated, 0);
             });
         }
         if !renewed {
