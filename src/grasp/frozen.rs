@@ -34,7 +34,7 @@ pub const TOLERANCE: f64 = 2e-3;
 /// hands that hold one target press on each other through their arms.
 const CARRIED: f64 = 0.2;
 
-/// Most steps with one inertia.
+/// Most steps with one inertia: joints that slide change it, too, and turn nothing.
 const INERTIA_STEPS: usize = 4 * MAX_STEPS;
 
 /// So many whole steps in a row must have the same contacts, about where they were: one that bounces is found again in whole
@@ -124,7 +124,8 @@ impl Default for Frozen {
 
 impl Grasps {
     /// As [`step`](Self::step), for a step after which only the state is wanted (`qpos`, `qvel`, `act`, time) and phases
-    /// and contact forces of the grasps: where that is good enough it is made on the geometry of the last whole step.
+    /// and contact forces of the grasps: where that is good enough it is made on the geometry of the last whole step, or else
+    /// with its inertia.
     ///
     /// # Errors
     /// As [`step`](Self::step).
