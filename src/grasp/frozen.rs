@@ -225,7 +225,8 @@ impl Grasps {
     }
 
     /// Whether a whole step of which only the state is wanted may have the inertia of an earlier one, and the factors that
-    /// take most of the time where there are many joints: what it changes by as bodies turn moves no contact's lever arm.
+    /// take most of the time where there are many joints: what it changes by as bodies turn moves no contact's lever arm. Once
+    /// before such a step: what has turned is added up.
     fn may_keep_inertia(&mut self, sim: &Simulation, obstacle: Obstacle) -> bool {
         let known = !matches!(obstacle, Obstacle::Merged | Obstacle::Changed | Obstacle::Handover);
         if !known || self.list.iter().any(|grasp| grasp.phase() != Phase::Grasped) {

@@ -201,11 +201,12 @@ impl Simulation {
             self.forward()?;
         }
         self.checked(hooks, Self::check_acc)?;
-        if self.model().enable_flags() & ffi::mjENBL_FWDINV != 0 {
+        let kept = hooks.keeps_inertia();
+        if !kept && self.model().enable_flags() & ffi::mjENBL_FWDINV != 0 {
             self.compare_forward_inverse()?;
         }
         hooks.observe(self)?;
-        let integrated = if hooks.keeps_inertia() { self.integrate_again() } else { self.integrate() };
+        let integrated = if kept { self.integrate_again() } else { self.integrate() };
         Ok(integrated?)
     }
 
@@ -225,7 +226,6 @@ impl Simulation {
 
     fn forward_in_stages<H: Hooks>(&mut self, hooks: &mut H) -> Result<(), H::Error> {
         let kept = hooks.keeps_inertia();
-        let energy = !kept && self.model().enable_flags() & ffi::mjENBL_ENERGY != 0;
         self.kinematics()?;
         if !kept {
             self.inertia()?;
@@ -235,17 +235,11 @@ impl Simulation {
         self.transmission()?;
         hooks.project_constraint(self)?;
         if !kept {
-            self.sensor_pos()?;
-        }
-        if energy {
-            self.energy_pos()?;
+            self.measure(Self::sensor_pos, Self::energy_pos)?;
         }
         self.velocity()?;
         if !kept {
-            self.sensor_vel()?;
-        }
-        if energy {
-            self.energy_vel()?;
+            self.measure(Self::sensor_vel, Self::energy_vel)?;
         }
         self.actuation()?;
         self.acceleration()?;
@@ -254,6 +248,16 @@ impl Simulation {
             self.sensor_acc()?;
         }
         Ok(())
+    }
+
+    /// What nothing in the step depends on: `sensors`, and `energy` if enabled.
+    fn measure(
+        &mut self,
+        sensors: impl Fn(&mut Self) -> Result<(), Error>,
+        energy: impl Fn(&mut Self) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        sensors(self)?;
+        if self.model().enable_flags() & ffi::mjENBL_ENERGY != 0 { energy(self) } else { Ok(()) }
     }
 }
 
@@ -267,8 +271,8 @@ pub(crate) trait Hooks {
         true
     }
 
-    /// True for a step in stages of which only the state is wanted, with the inertia and its factors of an earlier one; sensors and
-    /// energy stay what they are.
+    /// True for a step in stages of which only the state is wanted, with the inertia and its factors of an earlier one; sensors,
+    /// energy and the comparison with inverse dynamics stay what they are.
     fn keeps_inertia(&self) -> bool {
         false
     }

@@ -83,15 +83,14 @@ fn arrow_of(problem: &Problem, zone: impl Fn(usize) -> ActiveSet) -> (Arrow, Vec
     let mut start = ROOT;
     for finger in std::iter::once(None).chain((0..problem.fingers.len()).map(Some)) {
         let joints = finger.map_or(0, |f| problem.fingers[f]);
-        let t =
-            DMatrix::from_fn(joints, joints, |i, j| if i == j { 1.3 } else { 0.4 * (1.0 + (i * 3 + j) as f64).sin() });
-        let k = DMatrix::from_fn(joints, ROOT, |i, j| 0.3 * ((i * 7 + j * 2) as f64).cos());
         let free = joints.saturating_sub(5);
-        let t = DMatrix::from_fn(joints, joints, |i, j| match i.min(j) < free {
-            true => f64::from(i == j),
-            false => t[(i, j)],
+        let t = DMatrix::from_fn(joints, joints, |i, j| match (i.min(j) < free, i == j) {
+            (true, same) => f64::from(same),
+            (false, true) => 1.3,
+            (false, false) => 0.4 * (1.0 + (i * 3 + j) as f64).sin(),
         });
-        let k = DMatrix::from_fn(joints, ROOT, |i, j| if i < free { 0.0 } else { k[(i, j)] });
+        let k =
+            DMatrix::from_fn(joints, ROOT, |i, j| if i < free { 0.0 } else { 0.3 * ((i * 7 + j * 2) as f64).cos() });
         let (inertia, coupling) = (t.transpose() * &t, t.transpose() * &k);
         arrow.begin_branch(joints);
         for j in free..joints {

@@ -17,8 +17,8 @@ pub(super) struct Branch {
     pub root: usize,
     /// Unknowns of its own.
     pub width: usize,
-    /// The first of them that have the identity for their inertia, and nothing to do with the others or the root but by rows; whole vectors
-    /// of them.
+    /// The first of them, in whole vectors, whose inertia is the identity: nothing but rows couples them to the others or
+    /// the root.
     pub free: usize,
     /// Length of `[root; own]`, filled up with zeros to a multiple of [`LANES`].
     pub stride: usize,
@@ -96,9 +96,8 @@ impl Branch {
     #[inline(always)]
     pub fn momentum(&self, inertia: &[f64], point: &[f64], out: &mut [f64]) {
         let coupled = self.root + self.free;
-        out[..self.root].fill(0.0);
+        out.fill(0.0);
         out[self.root..coupled].copy_from_slice(&point[self.root..coupled]);
-        out[coupled..].fill(0.0);
         for (j, row) in (coupled..).zip(self.own_rows(inertia, self.free)) {
             out[j] = dot_lanes(row, point);
             axpy_lanes(point[j], &row[..self.root], &mut out[..self.root]);
